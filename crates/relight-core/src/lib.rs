@@ -1,0 +1,34 @@
+//! What a relightable picture is: light directions, the bases that are functions of them, the
+//! maps of coefficients, and the slow-but-obvious relighter that judges every faster one.
+//!
+//! ```
+//! use relight_core::{Basis, Direction, Family, Design, LightSet};
+//! let lights = LightSet::from_directions(vec![Direction::new(0.0, 0.0, 1.0)?]);
+//! let basis = Family::by_name("ptm").unwrap().build(&Design::new(6, &lights))?;
+//! let mut weights = vec![0.0; basis.count()];
+//! basis.evaluate(Direction::new(0.6, 0.0, 0.8)?, &mut weights);
+//! assert!((weights[0] - 0.36).abs() < 1e-15); // u^2
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+pub mod basis;
+mod cpu;
+mod direction;
+mod light_set;
+pub mod maps;
+pub mod metrics;
+mod model;
+pub mod relighter;
+pub mod sphere;
+mod stack;
+mod transfer;
+pub mod weighted_sums;
+
+pub use basis::{Basis, BasisError, Design, Family};
+pub use cpu::{CpuLevel, UnsupportedCpuLevel};
+pub use direction::{Direction, DirectionError};
+pub use light_set::{Light, LightSet};
+pub use maps::{CoefficientMap, RelightingMap, RelightingMaps, Texels};
+pub use model::{FitFigures, Layout, Model, PlaneRole, Space};
+pub use stack::{Stack, StackError};
+pub use transfer::{LUMINANCE, linear_from_srgb, luminance, srgb_from_linear};

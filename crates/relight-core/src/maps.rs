@@ -1,0 +1,131 @@
+//! Maps: planes of coefficients in f32, and the same quantised.
+
+use crate::Model;
+use half::f16;
+
+/// Planes of f32 coefficients, in the order of [`Model::roles`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoefficientMap {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows, the first at the top.
+    pub height: usize,
+    /// How planes and light become pixels.
+    pub model: Model,
+    /// One per role, width x height each, row-major.
+    pub planes: Vec<Vec<f32>>,
+}
+
+/// Codes of one plane.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Texels {
+    /// q = code / 255.
+    U8(Vec<u8>),
+    /// q is the half itself.
+    F16(Vec<f16>),
+    /// q is the float itself.
+    F32(Vec<f32>),
+}
+
+/// One quantised plane: coefficient = scale * q + bias.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RelightingMap {
+    /// Per unit of q.
+    pub scale: f32,
+    /// At q = 0.
+    pub bias: f32,
+    /// width x height codes, row-major, the first row at the top.
+    pub texels: Texels,
+}
+
+/// All quantised planes of an asset, in the order of [`Model::roles`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct RelightingMaps {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// How planes and light become pixels.
+    pub model: Model,
+    /// One per role.
+    pub planes: Vec<RelightingMap>,
+}
+
+impl Texels {
+    /// Number of texels.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U8(codes) => codes.len(),
+            Self::F16(codes) => codes.len(),
+            Self::F32(codes) => codes.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// `u8`, `f16` or `f32`.
+    pub fn precision(&self) -> &'static str {
+        match self {
+            Self::U8(_) => "u8",
+            Self::F16(_) => "f16",
+            Self::F32(_) => "f32",
+        }
+    }
+}
+
+impl RelightingMap {
+    /// Writes the coefficients of texels `first ..` to `out`: scale * q + bias, in f32.
+    ///
+    /// # Panics
+    /// When the texels end before `out` does.
+    pub fn coefficients(&self, first: usize, out: &mut [f32]) {
+        let (scale, bias) = (self.scale, self.bias);
+        let end = first + out.len();
+        match &self.texels {
+            Texels::U8(codes) => {
+                for (value, code) in out.iter_mut().zip(&codes[first..end]) {
+                    *value = scale * (f32::from(*code) / 255.0) + bias;
+                }
+            }
+            Texels::F16(codes) => {
+                for (value, code) in out.iter_mut().zip(&codes[first..end]) {
+                    *value = scale * code.to_f32() + bias;
+                }
+            }
+            Texels::F32(codes) => {
+                for (value, code) in out.iter_mut().zip(&codes[first..end]) {
+                    *value = scale * code + bias;
+                }
+            }
+        }
+    }
+}
+
+impl RelightingMaps {
+    /// Pixels of a plane.
+    pub fn pixels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// The planes in f32 again.
+    pub fn coefficient_map(&self) -> CoefficientMap {
+        let planes = self
+            .planes
+            .iter()
+            .map(|plane| {
+                let mut coefficients = vec![0.0; self.pixels()];
+                plane.coefficients(0, &mut coefficients);
+                coefficients
+            })
+            .collect();
+        CoefficientMap {
+            width: self.width,
+            height: self.height,
+            model: self.model.clone(),
+            planes,
+        }
+    }
+}

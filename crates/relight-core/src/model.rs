@@ -1,0 +1,118 @@
+//! How planes and light become pixels.
+
+use crate::{Basis, Direction};
+use serde::{Deserialize, Serialize};
+
+/// Which values were fitted, so that render knows how lights add up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Space {
+    /// sRGB-encoded values 0..1; decoded before several lights add up.
+    Encoded,
+    /// Linear light, 0 upwards.
+    Linear,
+}
+
+/// What the planes of an asset are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Layout {
+    /// One plane a function; relit pictures are grey.
+    Grey,
+    /// Three planes a function (R, G, B), function-major.
+    Rgb,
+    /// One luminance plane a function, then three planes of base colour (largest component 1):
+    /// pixel = base colour x luminance.
+    Lrgb,
+}
+
+/// What one plane contributes: channel `c` of the pixel gains plane x b_f(light) where
+/// `functions[c] = Some(f)`.
+///
+/// Today's layouts name one function for one channel (RGB) or the same one for all (luminance).
+/// A learned plane names a different function for each channel, pixel = mean + sum of
+/// plane x weight(light, channel), and its mean is a plane whose function is constant 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlaneRole {
+    /// A plane of coefficients, by channel of the relit picture.
+    Coefficient {
+        /// Index into the basis for R, G, B (grey pictures use the first).
+        functions: [Option<u16>; 3],
+    },
+    /// A plane that multiplies the sum in channel `channel`.
+    BaseColor {
+        /// 0, 1 or 2.
+        channel: u8,
+    },
+}
+
+/// Errors of the fit itself, in fitting space, before any quantisation, over a sample of pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FitFigures {
+    /// Root mean square error on the fitted lights.
+    pub fit_rmse: f64,
+    /// Root mean square error of predicting each light from all others (closed form).
+    pub leave_one_out_rmse: f64,
+}
+
+/// Everything about an asset but its texels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// Functions of light direction.
+    pub basis: Basis,
+    /// What the planes are.
+    pub layout: Layout,
+    /// Which values were fitted.
+    pub space: Space,
+    /// The fitted lights; empty where a format can't hold them.
+    pub lights: Vec<Direction>,
+    /// How well the fit did; `None` where a format can't hold it.
+    pub figures: Option<FitFigures>,
+}
+
+impl Model {
+    /// Channels of the relit picture: 1 or 3.
+    pub fn channels(&self) -> usize {
+        match self.layout {
+            Layout::Grey => 1,
+            Layout::Rgb | Layout::Lrgb => 3,
+        }
+    }
+
+    /// The planes' roles, in the order in which every asset stores them.
+    pub fn roles(&self) -> Vec<PlaneRole> {
+        let functions = 0..self.basis.count() as u16;
+        match self.layout {
+            Layout::Grey => functions
+                .map(|f| PlaneRole::Coefficient {
+                    functions: [Some(f), None, None],
+                })
+                .collect(),
+            Layout::Rgb => functions
+                .flat_map(|f| {
+                    [
+                        [Some(f), None, None],
+                        [None, Some(f), None],
+                        [None, None, Some(f)],
+                    ]
+                    .map(|functions| PlaneRole::Coefficient { functions })
+                })
+                .collect(),
+            Layout::Lrgb => functions
+                .map(|f| PlaneRole::Coefficient {
+                    functions: [Some(f); 3],
+                })
+                .chain((0..3).map(|channel| PlaneRole::BaseColor { channel }))
+                .collect(),
+        }
+    }
+
+    /// Number of planes: k (grey), 3k (rgb) or k + 3 (lrgb).
+    pub fn plane_count(&self) -> usize {
+        match self.layout {
+            Layout::Grey => self.basis.count(),
+            Layout::Rgb => 3 * self.basis.count(),
+            Layout::Lrgb => self.basis.count() + 3,
+        }
+    }
+}

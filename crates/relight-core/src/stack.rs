@@ -1,0 +1,55 @@
+//! The pictures of a capture as the fitter sees them: rows of samples, one row per light.
+
+use std::fmt;
+use std::ops::Range;
+
+/// Why samples could not be had: the store behind the stack failed.
+#[derive(Debug)]
+pub struct StackError {
+    /// What was being done, with the file's name.
+    pub context: String,
+    /// The operating system's word.
+    pub source: std::io::Error,
+}
+
+impl fmt::Display for StackError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.context)
+    }
+}
+
+impl std::error::Error for StackError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        Some(&self.source)
+    }
+}
+
+/// All pictures of a capture, same size and channels, in light order.
+///
+/// A *sample* is one channel of one pixel; sample `s` of a picture is channel `s % channels` of
+/// pixel `s / channels`, pixels in rows from the top left.
+pub trait Stack: Sync {
+    /// Number of pictures.
+    fn lights(&self) -> usize;
+    /// Pixels in a row.
+    fn width(&self) -> usize;
+    /// Rows.
+    fn height(&self) -> usize;
+    /// 1 (grey) or 3 (R, G, B).
+    fn channels(&self) -> usize;
+
+    /// Copies `samples` of picture `light` to `out`, as f32 in fitting space (0..1 for integer
+    /// pictures).
+    ///
+    /// # Errors
+    /// [`StackError`] when a spilled picture can't be read back.
+    ///
+    /// # Panics
+    /// When `light` or `samples` lie outside the stack or `out` is not of `samples`' length.
+    fn read(&self, light: usize, samples: Range<usize>, out: &mut [f32]) -> Result<(), StackError>;
+
+    /// Samples of one picture: width x height x channels.
+    fn samples(&self) -> usize {
+        self.width() * self.height() * self.channels()
+    }
+}
