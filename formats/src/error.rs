@@ -46,27 +46,17 @@ pub enum FormatError {
 impl FormatError {
     /// An [`FormatError::Io`] of `action` on `path`.
     pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
-        Self::Io {
-            path: path.to_owned(),
-            action,
-            source,
-        }
+        Self::Io { path: path.to_owned(), action, source }
     }
 
     /// An [`FormatError::Invalid`].
     pub fn invalid(path: &Path, problem: impl Into<String>) -> Self {
-        Self::Invalid {
-            path: path.to_owned(),
-            problem: problem.into(),
-        }
+        Self::Invalid { path: path.to_owned(), problem: problem.into() }
     }
 
     /// An [`FormatError::Unsupported`].
     pub fn unsupported(path: &Path, problem: impl Into<String>) -> Self {
-        Self::Unsupported {
-            path: path.to_owned(),
-            problem: problem.into(),
-        }
+        Self::Unsupported { path: path.to_owned(), problem: problem.into() }
     }
 }
 
@@ -77,11 +67,7 @@ impl fmt::Display for FormatError {
             Self::Invalid { path, problem } | Self::Unsupported { path, problem } => {
                 write!(f, "{}: {problem}", path.display())
             }
-            Self::TooLarge {
-                path,
-                needed,
-                limit,
-            } => write!(
+            Self::TooLarge { path, needed, limit } => write!(
                 f,
                 "{}: needs {} MiB of memory where {} MiB are allowed; raise --memory",
                 path.display(),

@@ -19,11 +19,8 @@ pub(crate) enum Kind {
 }
 
 /// Names of all levels, slowest first.
-const NAMES: [(&str, Kind); 3] = [
-    ("baseline", Kind::Baseline),
-    ("avx2", Kind::Avx2),
-    ("avx512", Kind::Avx512),
-];
+const NAMES: [(&str, Kind); 3] =
+    [("baseline", Kind::Baseline), ("avx2", Kind::Avx2), ("avx512", Kind::Avx512)];
 
 /// A level that this machine lacks, or a name that is none.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,19 +54,12 @@ impl CpuLevel {
 
     /// All levels that this machine has, slowest first.
     pub fn available() -> impl Iterator<Item = Self> {
-        NAMES
-            .into_iter()
-            .map(|(_, kind)| kind)
-            .filter(|kind| kind.is_supported())
-            .map(Self)
+        NAMES.into_iter().map(|(_, kind)| kind).filter(|kind| kind.is_supported()).map(Self)
     }
 
     /// The level's name: `baseline`, `avx2` or `avx512`.
     pub fn name(self) -> &'static str {
-        NAMES
-            .into_iter()
-            .find(|(_, kind)| *kind == self.0)
-            .map_or("baseline", |(name, _)| name)
+        NAMES.into_iter().find(|(_, kind)| *kind == self.0).map_or("baseline", |(name, _)| name)
     }
 
     pub(crate) fn kind(self) -> Kind {
@@ -104,8 +94,6 @@ impl FromStr for CpuLevel {
         }
         Self::available()
             .find(|level| level.name() == name)
-            .ok_or_else(|| UnsupportedCpuLevel {
-                name: name.to_owned(),
-            })
+            .ok_or_else(|| UnsupportedCpuLevel { name: name.to_owned() })
     }
 }

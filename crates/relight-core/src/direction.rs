@@ -24,15 +24,11 @@ impl fmt::Display for DirectionError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotFinite([x, y, z]) => {
-                write!(
-                    f,
-                    "light direction ({x}, {y}, {z}) is not finite; give three finite numbers"
-                )
+                write!(f, "light direction ({x}, {y}, {z}) is not finite; give three finite numbers")
             }
-            Self::Zero => write!(
-                f,
-                "light direction (0, 0, 0) points nowhere; give a vector of length above 0"
-            ),
+            Self::Zero => {
+                write!(f, "light direction (0, 0, 0) points nowhere; give a vector of length above 0")
+            }
         }
     }
 }
@@ -153,10 +149,7 @@ mod tests {
             let b = Direction::new(libm::sin(tiny), 0.0, libm::cos(tiny)).unwrap();
             assert!((a.angle_to(b) - tiny).abs() < 1e-15, "{tiny}");
             let c = Direction::new(libm::sin(tiny), 0.0, -libm::cos(tiny)).unwrap();
-            assert!(
-                (a.angle_to(c) - (std::f64::consts::PI - tiny)).abs() < 1e-15,
-                "{tiny}"
-            );
+            assert!((a.angle_to(c) - (std::f64::consts::PI - tiny)).abs() < 1e-15, "{tiny}");
         }
     }
 
@@ -165,8 +158,7 @@ mod tests {
         // A dot product of rounded unit vectors exceeds 1 for about 2% of near-parallel pairs.
         let mut worst = 0.0f64;
         for i in 0..1000 {
-            let a =
-                Direction::new(0.1 + f64::from(i) * 0.7, 0.3, 1.0 / (1.0 + f64::from(i))).unwrap();
+            let a = Direction::new(0.1 + f64::from(i) * 0.7, 0.3, 1.0 / (1.0 + f64::from(i))).unwrap();
             let raw: f64 = a.components().iter().map(|c| c * c).sum();
             worst = worst.max(raw);
             assert!(libm::acos(a.cosine(a)).is_finite());
@@ -177,10 +169,7 @@ mod tests {
     #[test]
     fn extreme_lengths_are_directions_and_nothing_is_not() {
         assert_eq!(Direction::new(0.0, 1e-300, 0.0).unwrap().y(), 1.0);
-        assert_eq!(
-            Direction::new(3e300, 0.0, 4e300).unwrap().components(),
-            [0.6, 0.0, 0.8]
-        );
+        assert_eq!(Direction::new(3e300, 0.0, 4e300).unwrap().components(), [0.6, 0.0, 0.8]);
         assert_eq!(Direction::new(0.0, 0.0, 0.0), Err(DirectionError::Zero));
         assert!(Direction::new(f64::NAN, 0.0, 1.0).is_err());
         assert!(Direction::new(0.0, f64::INFINITY, 1.0).is_err());

@@ -21,13 +21,8 @@ pub struct LightSet {
 impl LightSet {
     /// A light set whose pictures have no names.
     pub fn from_directions(directions: Vec<Direction>) -> Self {
-        let lights = directions
-            .into_iter()
-            .map(|direction| Light {
-                name: String::new(),
-                direction,
-            })
-            .collect();
+        let lights =
+            directions.into_iter().map(|direction| Light { name: String::new(), direction }).collect();
         Self { lights }
     }
 

@@ -16,6 +16,22 @@ pub struct CoefficientMap {
     pub planes: Vec<Vec<f32>>,
 }
 
+/// Coefficients of a run of pixels, as the fitter makes them and the writers of files take them.
+///
+/// A run is `pixels` pixels in row order starting at pixel `first` (x + y * width).
+#[derive(Clone, Copy, Debug)]
+pub struct CoefficientSpan<'a> {
+    /// Index of the first pixel.
+    pub first: usize,
+    /// Number of pixels.
+    pub pixels: usize,
+    /// k rows, one a function, of pixels x c samples each, channels interleaved: c = 3 for
+    /// [`Layout::Rgb`](crate::Layout), 1 for grey and for the luminance of LRGB.
+    pub functions: &'a [f32],
+    /// pixels x 3 samples of base colour for [`Layout::Lrgb`](crate::Layout), otherwise empty.
+    pub base_color: &'a [f32],
+}
+
 /// Codes of one plane.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Texels {
@@ -121,11 +137,6 @@ impl RelightingMaps {
                 coefficients
             })
             .collect();
-        CoefficientMap {
-            width: self.width,
-            height: self.height,
-            model: self.model.clone(),
-            planes,
-        }
+        CoefficientMap { width: self.width, height: self.height, model: self.model.clone(), planes }
     }
 }

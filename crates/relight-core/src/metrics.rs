@@ -33,11 +33,7 @@ pub fn compare(relit: &[f32], picture: &[f32], width: usize, channels: usize) ->
     let mut squares = 0.0;
     let mut saturation = 0.0;
     let mut shift = [0.0; 3];
-    for (pixel, (a, b)) in relit
-        .chunks_exact(channels)
-        .zip(picture.chunks_exact(channels))
-        .enumerate()
-    {
+    for (pixel, (a, b)) in relit.chunks_exact(channels).zip(picture.chunks_exact(channels)).enumerate() {
         let colorfulness = |p: &[f32]| {
             let clipped = p.iter().map(|v| f64::from(v.clamp(0.0, 1.0)));
             clipped.clone().fold(f64::MIN, f64::max) - clipped.fold(f64::MAX, f64::min)
@@ -57,11 +53,7 @@ pub fn compare(relit: &[f32], picture: &[f32], width: usize, channels: usize) ->
     let pixels = samples / channels as f64;
     error.rmse = (squares / samples).sqrt();
     error.psnr = psnr(error.rmse);
-    error.mean_shift = if channels == 1 {
-        [shift[0] / pixels; 3]
-    } else {
-        shift.map(|s| s / pixels)
-    };
+    error.mean_shift = if channels == 1 { [shift[0] / pixels; 3] } else { shift.map(|s| s / pixels) };
     error.saturation_shift = saturation / pixels;
     error
 }

@@ -83,25 +83,17 @@ impl Model {
     pub fn roles(&self) -> Vec<PlaneRole> {
         let functions = 0..self.basis.count() as u16;
         match self.layout {
-            Layout::Grey => functions
-                .map(|f| PlaneRole::Coefficient {
-                    functions: [Some(f), None, None],
-                })
-                .collect(),
+            Layout::Grey => {
+                functions.map(|f| PlaneRole::Coefficient { functions: [Some(f), None, None] }).collect()
+            }
             Layout::Rgb => functions
                 .flat_map(|f| {
-                    [
-                        [Some(f), None, None],
-                        [None, Some(f), None],
-                        [None, None, Some(f)],
-                    ]
-                    .map(|functions| PlaneRole::Coefficient { functions })
+                    [[Some(f), None, None], [None, Some(f), None], [None, None, Some(f)]]
+                        .map(|functions| PlaneRole::Coefficient { functions })
                 })
                 .collect(),
             Layout::Lrgb => functions
-                .map(|f| PlaneRole::Coefficient {
-                    functions: [Some(f); 3],
-                })
+                .map(|f| PlaneRole::Coefficient { functions: [Some(f); 3] })
                 .chain((0..3).map(|channel| PlaneRole::BaseColor { channel }))
                 .collect(),
         }

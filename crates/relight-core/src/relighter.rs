@@ -51,15 +51,11 @@ fn terms_of(maps: &RelightingMaps, light: Direction) -> (Vec<ChannelTerms>, [Opt
     let mut factors = [None; 3];
     for (plane, role) in maps.model.roles().into_iter().enumerate() {
         match role {
-            PlaneRole::Coefficient {
-                functions: by_channel,
-            } => {
+            PlaneRole::Coefficient { functions: by_channel } => {
                 for (channel, function) in terms.iter_mut().zip(by_channel) {
                     if let Some(function) = function {
                         channel.planes.push(plane);
-                        channel
-                            .weights
-                            .push(functions[usize::from(function)] as f32);
+                        channel.weights.push(functions[usize::from(function)] as f32);
                     }
                 }
             }
@@ -74,95 +70,61 @@ pub fn relight(maps: &RelightingMaps, light: Direction, level: CpuLevel) -> Pict
     let channels = maps.model.channels();
     let (terms, factors) = terms_of(maps, light);
     let mut samples = vec![0.0; maps.pixels() * channels];
-    samples
-        .par_chunks_mut(BLOCK * channels)
-        .enumerate()
-        .for_each(|(block, out)| {
-            let (first, pixels) = (block * BLOCK, out.len() / channels);
-            let mut rows = Vec::new();
-            let mut sums = vec![0.0f32; pixels];
-            let mut factor = vec![1.0f32; pixels];
-            for (channel, of_channel) in terms.iter().enumerate() {
-                // Luminance planes feed all channels alike: they are summed once.
-                if channel == 0 || *of_channel != terms[channel - 1] {
-                    rows.resize(of_channel.planes.len() * pixels, 0.0);
-                    for (&plane, row) in of_channel.planes.iter().zip(rows.chunks_exact_mut(pixels))
-                    {
-                        maps.planes[plane].coefficients(first, row);
-                    }
-                    let count = of_channel.planes.len();
-                    weighted_sums(
-                        level,
-                        &of_channel.weights,
-                        count,
-                        &rows,
-                        &mut sums,
-                        pixels,
-                        pixels,
-                    );
+    samples.par_chunks_mut(BLOCK * channels).enumerate().for_each(|(block, out)| {
+        let (first, pixels) = (block * BLOCK, out.len() / channels);
+        let mut rows = Vec::new();
+        let mut sums = vec![0.0f32; pixels];
+        let mut factor = vec![1.0f32; pixels];
+        for (channel, of_channel) in terms.iter().enumerate() {
+            // Luminance planes feed all channels alike: they are summed once.
+            if channel == 0 || *of_channel != terms[channel - 1] {
+                rows.resize(of_channel.planes.len() * pixels, 0.0);
+                for (&plane, row) in of_channel.planes.iter().zip(rows.chunks_exact_mut(pixels)) {
+                    maps.planes[plane].coefficients(first, row);
                 }
-                if let Some(plane) = factors[channel] {
-                    maps.planes[plane].coefficients(first, &mut factor);
-                }
-                for ((pixel, sum), factor) in out.chunks_exact_mut(channels).zip(&sums).zip(&factor)
-                {
-                    pixel[channel] = sum * factor;
-                }
+                let count = of_channel.planes.len();
+                weighted_sums(level, &of_channel.weights, count, &rows, &mut sums, pixels, pixels);
             }
-        });
-    Picture {
-        width: maps.width,
-        height: maps.height,
-        channels,
-        samples,
-    }
+            if let Some(plane) = factors[channel] {
+                maps.planes[plane].coefficients(first, &mut factor);
+            }
+            for ((pixel, sum), factor) in out.chunks_exact_mut(channels).zip(&sums).zip(&factor) {
+                pixel[channel] = sum * factor;
+            }
+        }
+    });
+    Picture { width: maps.width, height: maps.height, channels, samples }
 }
 
 /// The picture under several lights, in linear light, not clipped above; encoded assets are
 /// decoded before the lights add up.
 ///
 /// Grey assets stay grey unless a light is coloured.
-pub fn relight_linear(
-    maps: &RelightingMaps,
-    lights: &[DirectionalLight],
-    level: CpuLevel,
-) -> Picture {
-    let colored = lights
-        .iter()
-        .any(|l| l.color[0] != l.color[1] || l.color[1] != l.color[2]);
+pub fn relight_linear(maps: &RelightingMaps, lights: &[DirectionalLight], level: CpuLevel) -> Picture {
+    let colored = lights.iter().any(|l| l.color[0] != l.color[1] || l.color[1] != l.color[2]);
     let channels = if colored { 3 } else { maps.model.channels() };
     let mut total = vec![0.0; maps.pixels() * channels];
     for light in lights {
         let one = relight(maps, light.direction, level);
-        total
-            .par_chunks_mut(channels)
-            .zip(one.samples.par_chunks(one.channels))
-            .for_each(|(sum, pixel)| {
-                for (channel, sum) in sum.iter_mut().enumerate() {
-                    let value = pixel[channel.min(pixel.len() - 1)];
-                    let linear = match maps.model.space {
-                        Space::Encoded => linear_from_srgb(value),
-                        Space::Linear => value,
-                    };
-                    *sum += light.color[channel] * linear;
-                }
-            });
+        total.par_chunks_mut(channels).zip(one.samples.par_chunks(one.channels)).for_each(|(sum, pixel)| {
+            for (channel, sum) in sum.iter_mut().enumerate() {
+                let value = pixel[channel.min(pixel.len() - 1)];
+                let linear = match maps.model.space {
+                    Space::Encoded => linear_from_srgb(value),
+                    Space::Linear => value,
+                };
+                *sum += light.color[channel] * linear;
+            }
+        });
     }
-    Picture {
-        width: maps.width,
-        height: maps.height,
-        channels,
-        samples: total,
-    }
+    Picture { width: maps.width, height: maps.height, channels, samples: total }
 }
 
 impl Picture {
     /// The picture with sRGB-encoded values, from one in `space`.
     pub fn encoded_from(mut self, space: Space) -> Self {
         if space == Space::Linear {
-            self.samples
-                .par_iter_mut()
-                .for_each(|value| *value = srgb_from_linear(*value));
+            self.samples.par_iter_mut().for_each(|value| *value = srgb_from_linear(*value));
         }
         self
     }
@@ -170,9 +132,7 @@ impl Picture {
     /// The picture with linear values, from one in `space`.
     pub fn linear_from(mut self, space: Space) -> Self {
         if space == Space::Encoded {
-            self.samples
-                .par_iter_mut()
-                .for_each(|value| *value = linear_from_srgb(*value));
+            self.samples.par_iter_mut().for_each(|value| *value = linear_from_srgb(*value));
         }
         self
     }
@@ -187,33 +147,15 @@ mod tests {
     /// An asset with a value of its own in every plane and pixel.
     fn lopsided(layout: Layout, space: Space, width: usize, height: usize) -> RelightingMaps {
         let lights = LightSet::default();
-        let basis: Basis = Family::by_name("ptm")
-            .unwrap()
-            .build(&Design::new(6, &lights))
-            .unwrap();
-        let model = Model {
-            basis,
-            layout,
-            space,
-            lights: Vec::new(),
-            figures: None,
-        };
+        let basis: Basis = Family::by_name("ptm").unwrap().build(&Design::new(6, &lights)).unwrap();
+        let model = Model { basis, layout, space, lights: Vec::new(), figures: None };
         let plane = |p: usize| RelightingMap {
             scale: 0.5 + 0.01 * p as f32,
             bias: -0.1 * p as f32,
-            texels: Texels::U8(
-                (0..width * height)
-                    .map(|x| ((x * 7 + p * 31) % 251) as u8)
-                    .collect(),
-            ),
+            texels: Texels::U8((0..width * height).map(|x| ((x * 7 + p * 31) % 251) as u8).collect()),
         };
         let planes = (0..model.plane_count()).map(plane).collect();
-        RelightingMaps {
-            width,
-            height,
-            model,
-            planes,
-        }
+        RelightingMaps { width, height, model, planes }
     }
 
     #[test]
@@ -224,9 +166,7 @@ mod tests {
             let maps = lopsided(layout, Space::Linear, 37, 41);
             maps.model.basis.evaluate(light, &mut b);
             let value = |p: usize, x: usize| {
-                let Texels::U8(codes) = &maps.planes[p].texels else {
-                    panic!()
-                };
+                let Texels::U8(codes) = &maps.planes[p].texels else { panic!() };
                 maps.planes[p].scale * (f32::from(codes[x]) / 255.0) + maps.planes[p].bias
             };
             let picture = relight(&maps, light, CpuLevel::BASELINE);
@@ -241,11 +181,7 @@ mod tests {
                     Layout::Rgb => sum(&|j| 3 * j + c),
                     Layout::Lrgb => sum(&|j| j) * value(6 + c, x),
                 };
-                assert_eq!(
-                    sample.to_bits(),
-                    expected.to_bits(),
-                    "{layout:?} pixel {x} channel {c}"
-                );
+                assert_eq!(sample.to_bits(), expected.to_bits(), "{layout:?} pixel {x} channel {c}");
             }
         }
     }
@@ -253,22 +189,16 @@ mod tests {
     #[test]
     fn lights_add_up_in_linear_light() {
         let maps = lopsided(Layout::Rgb, Space::Encoded, 5, 3);
-        let a = DirectionalLight {
-            direction: Direction::OUT,
-            color: [1.0, 0.5, 0.0],
-        };
-        let b = DirectionalLight {
-            direction: Direction::new(0.6, 0.0, 0.8).unwrap(),
-            color: [2.0; 3],
-        };
+        let a = DirectionalLight { direction: Direction::OUT, color: [1.0, 0.5, 0.0] };
+        let b = DirectionalLight { direction: Direction::new(0.6, 0.0, 0.8).unwrap(), color: [2.0; 3] };
         let sum = relight_linear(&maps, &[a, b], CpuLevel::BASELINE);
         let (pa, pb) = (
             relight(&maps, a.direction, CpuLevel::BASELINE),
             relight(&maps, b.direction, CpuLevel::BASELINE),
         );
         for (i, value) in sum.samples.iter().enumerate() {
-            let expected = a.color[i % 3] * linear_from_srgb(pa.samples[i])
-                + 2.0 * linear_from_srgb(pb.samples[i]);
+            let expected =
+                a.color[i % 3] * linear_from_srgb(pa.samples[i]) + 2.0 * linear_from_srgb(pb.samples[i]);
             assert!((value - expected).abs() < 1e-6);
         }
         let grey = lopsided(Layout::Grey, Space::Linear, 5, 3);

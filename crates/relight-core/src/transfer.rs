@@ -8,11 +8,7 @@ pub const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 /// 0..1 is the standard's curve; above 1 the curve goes on, below 0 gives 0.
 /// Source: IEC 61966-2-1.
 pub fn linear_from_srgb(encoded: f32) -> f32 {
-    if encoded <= 0.04045 {
-        (encoded / 12.92).max(0.0)
-    } else {
-        libm::powf((encoded + 0.055) / 1.055, 2.4)
-    }
+    if encoded <= 0.04045 { (encoded / 12.92).max(0.0) } else { libm::powf((encoded + 0.055) / 1.055, 2.4) }
 }
 
 /// An sRGB-encoded value from linear light; the inverse of [`linear_from_srgb`].

@@ -31,14 +31,8 @@ pub fn weighted_sums(
 ) {
     assert!(width <= stride, "width {width} exceeds stride {stride}");
     let rows = if terms == 0 { 0 } else { matrix.len() / terms };
-    assert!(
-        terms == 0 || input.len() >= (terms - 1) * stride + width,
-        "input is too short"
-    );
-    assert!(
-        rows == 0 || output.len() >= (rows - 1) * stride + width,
-        "output is too short"
-    );
+    assert!(terms == 0 || input.len() >= (terms - 1) * stride + width, "input is too short");
+    assert!(rows == 0 || output.len() >= (rows - 1) * stride + width, "output is too short");
     match level.kind() {
         Kind::Baseline => kernel(matrix, terms, input, output, stride, width),
         // SAFETY: a `CpuLevel` exists only for instruction sets that this machine has.
@@ -54,39 +48,18 @@ pub fn weighted_sums(
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn kernel_avx2(
-    m: &[f32],
-    terms: usize,
-    input: &[f32],
-    output: &mut [f32],
-    stride: usize,
-    width: usize,
-) {
+fn kernel_avx2(m: &[f32], terms: usize, input: &[f32], output: &mut [f32], stride: usize, width: usize) {
     kernel(m, terms, input, output, stride, width);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
-fn kernel_avx512(
-    m: &[f32],
-    terms: usize,
-    input: &[f32],
-    output: &mut [f32],
-    stride: usize,
-    width: usize,
-) {
+fn kernel_avx512(m: &[f32], terms: usize, input: &[f32], output: &mut [f32], stride: usize, width: usize) {
     kernel(m, terms, input, output, stride, width);
 }
 
 #[inline(always)]
-fn kernel(
-    matrix: &[f32],
-    terms: usize,
-    input: &[f32],
-    output: &mut [f32],
-    stride: usize,
-    width: usize,
-) {
+fn kernel(matrix: &[f32], terms: usize, input: &[f32], output: &mut [f32], stride: usize, width: usize) {
     let rows = if terms == 0 { 0 } else { matrix.len() / terms };
     let mut first = 0;
     while first < rows {
@@ -120,9 +93,8 @@ fn block_of<const R: usize>(
     while x + LANES <= width {
         let mut sums = [[0.0f32; LANES]; R];
         for i in 0..terms {
-            let samples: &[f32; LANES] = input[i * stride + x..]
-                .first_chunk()
-                .expect("the caller's shapes were checked");
+            let samples: &[f32; LANES] =
+                input[i * stride + x..].first_chunk().expect("the caller's shapes were checked");
             for r in 0..R {
                 let weight = rows[r][i];
                 for lane in 0..LANES {
@@ -150,13 +122,7 @@ fn block_of<const R: usize>(
 mod tests {
     use super::*;
 
-    fn textbook(
-        matrix: &[f32],
-        terms: usize,
-        input: &[f32],
-        stride: usize,
-        width: usize,
-    ) -> Vec<f32> {
+    fn textbook(matrix: &[f32], terms: usize, input: &[f32], stride: usize, width: usize) -> Vec<f32> {
         let rows = matrix.len() / terms;
         let mut output = vec![f32::NAN; rows * stride];
         for r in 0..rows {
@@ -187,15 +153,8 @@ mod tests {
                 for level in CpuLevel::available() {
                     let mut output = vec![f32::NAN; rows * stride];
                     weighted_sums(level, &matrix, terms, &input, &mut output, stride, width);
-                    let same = expected
-                        .iter()
-                        .zip(&output)
-                        .all(|(a, b)| a.to_bits() == b.to_bits());
-                    assert!(
-                        same,
-                        "{} differs at {rows} x {terms} x {width}",
-                        level.name()
-                    );
+                    let same = expected.iter().zip(&output).all(|(a, b)| a.to_bits() == b.to_bits());
+                    assert!(same, "{} differs at {rows} x {terms} x {width}", level.name());
                 }
             }
         }

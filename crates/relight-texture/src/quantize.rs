@@ -55,20 +55,14 @@ impl Precision {
     /// Floats are stored as they are; halves too unless the range leaves theirs (65504) or lies
     /// among their denormals throughout, in which case the scale brings the largest magnitude to 1.
     pub fn quantizer(self, range: Range) -> Quantizer {
-        let plain = Quantizer {
-            scale: 1.0,
-            bias: 0.0,
-        };
+        let plain = Quantizer { scale: 1.0, bias: 0.0 };
         match self {
             Self::U8 => Quantizer::over(range),
             Self::F32 => plain,
             Self::F16 => {
                 let largest = range.min.abs().max(range.max.abs());
                 if largest.is_finite() && largest > 0.0 && !(1e-3..=65504.0).contains(&largest) {
-                    Quantizer {
-                        scale: largest,
-                        bias: 0.0,
-                    }
+                    Quantizer { scale: largest, bias: 0.0 }
                 } else {
                     plain
                 }
@@ -79,17 +73,11 @@ impl Precision {
 
 impl Range {
     /// The range of nothing.
-    pub const EMPTY: Self = Self {
-        min: f32::INFINITY,
-        max: f32::NEG_INFINITY,
-    };
+    pub const EMPTY: Self = Self { min: f32::INFINITY, max: f32::NEG_INFINITY };
 
     /// The range that holds both.
     pub fn union(self, other: Self) -> Self {
-        Self {
-            min: self.min.min(other.min),
-            max: self.max.max(other.max),
-        }
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 }
 
@@ -98,17 +86,11 @@ impl Quantizer {
     /// without width stores its value exactly as the bias.
     pub fn over(range: Range) -> Self {
         if range.min > range.max {
-            return Self {
-                scale: 0.0,
-                bias: 0.0,
-            };
+            return Self { scale: 0.0, bias: 0.0 };
         }
         // Halved before the difference: a range of the whole of f32 must not overflow.
         let scale = ((range.max * 0.5 - range.min * 0.5) * 2.0).min(f32::MAX);
-        Self {
-            scale,
-            bias: range.min,
-        }
+        Self { scale, bias: range.min }
     }
 
     /// Factor from (coefficient - bias) to codes; 0 for a range without width.
@@ -134,21 +116,13 @@ mod tests {
 
     #[test]
     fn codes_are_the_nearest_and_the_ends_are_exact() {
-        for (min, max) in [
-            (-3.0f32, 5.0f32),
-            (-9.0, -2.0),
-            (1e-30, 3e-30),
-            (-1e30, 2e30),
-        ] {
+        for (min, max) in [(-3.0f32, 5.0f32), (-9.0, -2.0), (1e-30, 3e-30), (-1e30, 2e30)] {
             let q = Quantizer::over(Range { min, max });
             assert_eq!((q.code(min), q.code(max)), (0, 255));
             for i in 0..=1000 {
                 let c = min + (max - min) * (i as f32 / 1000.0);
                 let back = q.scale * (f32::from(q.code(c)) / 255.0) + q.bias;
-                assert!(
-                    (back - c).abs() <= q.scale / 255.0 * 0.5001,
-                    "{c} came back as {back}"
-                );
+                assert!((back - c).abs() <= q.scale / 255.0 * 0.5001, "{c} came back as {back}");
             }
         }
     }
@@ -157,31 +131,16 @@ mod tests {
     fn a_constant_plane_is_exact_and_an_empty_one_is_zero() {
         let q = Quantizer::over(Range { min: 0.3, max: 0.3 });
         assert_eq!(q.scale * (f32::from(q.code(0.3)) / 255.0) + q.bias, 0.3);
-        assert_eq!(
-            Quantizer::over(Range::EMPTY),
-            Quantizer {
-                scale: 0.0,
-                bias: 0.0
-            }
-        );
-        let denormal = Quantizer::over(Range {
-            min: 0.0,
-            max: 1e-42,
-        });
+        assert_eq!(Quantizer::over(Range::EMPTY), Quantizer { scale: 0.0, bias: 0.0 });
+        let denormal = Quantizer::over(Range { min: 0.0, max: 1e-42 });
         assert_eq!(denormal.code(1e-42), 0, "a width below 1e-36 is no width");
     }
 
     #[test]
     fn halves_keep_their_value_unless_they_would_overflow() {
-        let plain = Precision::F16.quantizer(Range {
-            min: -2.0,
-            max: 7.0,
-        });
+        let plain = Precision::F16.quantizer(Range { min: -2.0, max: 7.0 });
         assert_eq!(plain.half(0.333).to_f32(), f16::from_f32(0.333).to_f32());
-        let huge = Precision::F16.quantizer(Range {
-            min: -1e6,
-            max: 3e5,
-        });
+        let huge = Precision::F16.quantizer(Range { min: -1e6, max: 3e5 });
         assert_eq!(huge.half(-1e6).to_f32() * huge.scale, -1e6);
     }
 }

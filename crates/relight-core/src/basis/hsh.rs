@@ -33,11 +33,8 @@ impl Hsh {
     /// [`BasisError::Count`] for any other number.
     pub fn with_count(count: usize) -> Result<Self, BasisError> {
         let order = COUNTS.iter().position(|&c| c == count);
-        let order = order.ok_or(BasisError::Count {
-            family: "hsh",
-            count,
-            counts: Counts::Listed(&COUNTS),
-        })?;
+        let order =
+            order.ok_or(BasisError::Count { family: "hsh", count, counts: Counts::Listed(&COUNTS) })?;
         Ok(Self { order: order as u8 })
     }
 }

@@ -70,11 +70,7 @@ pub struct Design<'a> {
 impl<'a> Design<'a> {
     /// `count` functions for `lights`, everything else at its default.
     pub fn new(count: usize, lights: &'a LightSet) -> Self {
-        Self {
-            count,
-            lights,
-            srbf: SrbfDesign::default(),
-        }
+        Self { count, lights, srbf: SrbfDesign::default() }
     }
 }
 
@@ -150,11 +146,7 @@ impl Family {
     /// out of range.
     pub fn build(&self, design: &Design<'_>) -> Result<Basis, BasisError> {
         if !self.counts.contains(design.count) {
-            return Err(BasisError::Count {
-                family: self.name,
-                count: design.count,
-                counts: self.counts,
-            });
+            return Err(BasisError::Count { family: self.name, count: design.count, counts: self.counts });
         }
         (self.make)(design)
     }
@@ -162,11 +154,7 @@ impl Family {
     /// All numbers of functions up to `limit`, rising.
     pub fn counts_up_to(&self, limit: usize) -> Vec<usize> {
         match self.counts {
-            Counts::Listed(list) => list
-                .iter()
-                .copied()
-                .filter(|&count| count <= limit)
-                .collect(),
+            Counts::Listed(list) => list.iter().copied().filter(|&count| count <= limit).collect(),
             Counts::UpTo(most) => (1..=most.min(limit)).collect(),
         }
     }
@@ -262,28 +250,14 @@ pub enum BasisError {
 impl fmt::Display for BasisError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Count {
-                family,
-                count,
-                counts,
-            } => {
-                write!(
-                    f,
-                    "basis {family} has no form with {count} functions; it has: {counts}"
-                )
+            Self::Count { family, count, counts } => {
+                write!(f, "basis {family} has no form with {count} functions; it has: {counts}")
             }
             Self::Spread { spread } => {
-                write!(
-                    f,
-                    "SRBF spread {spread} rad is outside 0.001..10; give another --spread factor"
-                )
+                write!(f, "SRBF spread {spread} rad is outside 0.001..10; give another --spread factor")
             }
             Self::Centres { count } => {
-                write!(
-                    f,
-                    "an SRBF basis with {count} centres is outside 1..{}",
-                    srbf::MAX_COUNT
-                )
+                write!(f, "an SRBF basis with {count} centres is outside 1..{}", srbf::MAX_COUNT)
             }
         }
     }
@@ -297,8 +271,7 @@ mod tests {
 
     #[test]
     fn every_family_is_its_own_row_and_survives_json() {
-        let lights =
-            LightSet::from_directions((0..40).map(|i| sphere_direction(f64::from(i))).collect());
+        let lights = LightSet::from_directions((0..40).map(|i| sphere_direction(f64::from(i))).collect());
         for family in &FAMILIES {
             for count in family.counts_up_to(30) {
                 let basis = family.build(&Design::new(count, &lights)).unwrap();
@@ -319,22 +292,10 @@ mod tests {
     #[test]
     fn a_count_that_a_family_lacks_is_refused_with_those_it_has() {
         let lights = LightSet::default();
-        let refused = Family::by_name("ptm")
-            .unwrap()
-            .build(&Design::new(7, &lights))
-            .unwrap_err();
-        assert_eq!(
-            refused.to_string(),
-            "basis ptm has no form with 7 functions; it has: 6, 10, 15"
-        );
-        let refused = Family::by_name("srbf")
-            .unwrap()
-            .build(&Design::new(129, &lights))
-            .unwrap_err();
-        assert!(
-            refused.to_string().contains("any from 1 to 128"),
-            "{refused}"
-        );
+        let refused = Family::by_name("ptm").unwrap().build(&Design::new(7, &lights)).unwrap_err();
+        assert_eq!(refused.to_string(), "basis ptm has no form with 7 functions; it has: 6, 10, 15");
+        let refused = Family::by_name("srbf").unwrap().build(&Design::new(129, &lights)).unwrap_err();
+        assert!(refused.to_string().contains("any from 1 to 128"), "{refused}");
     }
 
     #[test]

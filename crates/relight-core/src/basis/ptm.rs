@@ -53,14 +53,8 @@ impl Ptm {
     /// [`BasisError::Count`] for any other number.
     pub fn with_count(count: usize) -> Result<Self, BasisError> {
         let row = COUNTS.iter().position(|&c| c == count);
-        let row = row.ok_or(BasisError::Count {
-            family: "ptm",
-            count,
-            counts: Counts::Listed(&COUNTS),
-        })?;
-        Ok(Self {
-            degree: row as u8 + 2,
-        })
+        let row = row.ok_or(BasisError::Count { family: "ptm", count, counts: Counts::Listed(&COUNTS) })?;
+        Ok(Self { degree: row as u8 + 2 })
     }
 
     /// 2, 3 or 4.

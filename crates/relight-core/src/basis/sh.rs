@@ -36,11 +36,8 @@ impl Sh {
     /// [`BasisError::Count`] for any other number.
     pub fn with_count(count: usize) -> Result<Self, BasisError> {
         let order = COUNTS.iter().position(|&c| c == count);
-        let order = order.ok_or(BasisError::Count {
-            family: "sh",
-            count,
-            counts: Counts::Listed(&COUNTS),
-        })?;
+        let order =
+            order.ok_or(BasisError::Count { family: "sh", count, counts: Counts::Listed(&COUNTS) })?;
         Ok(Self { order: order as u8 })
     }
 
@@ -106,11 +103,7 @@ pub fn evaluate_sh(order: usize, direction: Direction, out: &mut [f64]) {
             }
             let (l1, l0) = (((l + 1) * (l + 1)) as f64, (l * l) as f64);
             let a = ((4.0 * l1 - 1.0) / (l1 - mm)).sqrt();
-            let b = if l == m {
-                0.0
-            } else {
-                ((l0 - mm) / (4.0 * l0 - 1.0)).sqrt()
-            };
+            let b = if l == m { 0.0 } else { ((l0 - mm) / (4.0 * l0 - 1.0)).sqrt() };
             (before, current) = (current, a * (z * current - b * before));
         }
         sectoral *= -((2 * m + 3) as f64 / (2 * m + 2) as f64).sqrt();

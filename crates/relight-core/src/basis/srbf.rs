@@ -109,11 +109,7 @@ impl TryFrom<Record> for Srbf {
 
 impl From<Srbf> for Record {
     fn from(srbf: Srbf) -> Self {
-        Self {
-            centres: srbf.centres,
-            spread: srbf.spread,
-            kernel: srbf.kernel,
-        }
+        Self { centres: srbf.centres, spread: srbf.spread, kernel: srbf.kernel }
     }
 }
 
@@ -124,28 +120,17 @@ impl Srbf {
     /// [`BasisError`] without centres, with more than 128, or with a spread outside 0.001..10.
     pub fn new(centres: Vec<Direction>, spread: f64, kernel: Kernel) -> Result<Self, BasisError> {
         if centres.is_empty() || centres.len() > MAX_COUNT {
-            return Err(BasisError::Centres {
-                count: centres.len(),
-            });
+            return Err(BasisError::Centres { count: centres.len() });
         }
         if !(0.001..=10.0).contains(&spread) {
             return Err(BasisError::Spread { spread });
         }
-        Ok(Self {
-            centres,
-            spread,
-            kernel,
-        })
+        Ok(Self { centres, spread, kernel })
     }
 
     /// `design.count` centres on the domain that `design` asks for.
     pub(super) fn design(design: &Design<'_>) -> Result<Self, BasisError> {
-        let SrbfDesign {
-            points,
-            domain,
-            spread,
-            kernel,
-        } = design.srbf;
+        let SrbfDesign { points, domain, spread, kernel } = design.srbf;
         let cap = centre_cap(domain, design.lights);
         let centres = match points {
             PointSet::Hammersley2 => sphere::hammersley_in(cap, design.count, 2),
@@ -180,10 +165,7 @@ impl Srbf {
 
 /// The cap that `domain` asks centres to cover.
 fn centre_cap(domain: Domain, lights: &LightSet) -> Cap {
-    let sphere = Cap {
-        axis: Direction::OUT,
-        radius: PI,
-    };
+    let sphere = Cap { axis: Direction::OUT, radius: PI };
     let directions = lights.directions();
     let Some(cap) = Cap::enclosing(&directions) else {
         return sphere;
@@ -191,10 +173,7 @@ fn centre_cap(domain: Domain, lights: &LightSet) -> Cap {
     match domain {
         Domain::Sphere => sphere,
         Domain::Auto if cap.radius > WIDEST_CAP => sphere,
-        Domain::Auto | Domain::Cap => Cap {
-            axis: cap.axis,
-            radius: (cap.radius + CAP_MARGIN).min(PI),
-        },
+        Domain::Auto | Domain::Cap => Cap { axis: cap.axis, radius: (cap.radius + CAP_MARGIN).min(PI) },
     }
 }
 

@@ -28,23 +28,15 @@ impl Cap {
             [s[0] + c[0], s[1] + c[1], s[2] + c[2]]
         });
         // Lights all around have no mean direction: any axis does, the cap is the sphere.
-        let mut middle = Direction::new(sum[0], sum[1], sum[2])
-            .unwrap_or(first)
-            .components();
+        let mut middle = Direction::new(sum[0], sum[1], sum[2]).unwrap_or(first).components();
         let outermost = |middle: [f64; 3]| {
             let chord = |d: &Direction| {
                 let c = d.components();
-                (0..3)
-                    .map(|i| (c[i] - middle[i]) * (c[i] - middle[i]))
-                    .sum::<f64>()
+                (0..3).map(|i| (c[i] - middle[i]) * (c[i] - middle[i])).sum::<f64>()
             };
             directions.iter().fold((first, -1.0), |best, d| {
                 let distance = chord(d);
-                if distance > best.1 {
-                    (*d, distance)
-                } else {
-                    best
-                }
+                if distance > best.1 { (*d, distance) } else { best }
             })
         };
         for step in 1..=1000 {
@@ -54,9 +46,7 @@ impl Cap {
             }
         }
         let axis = Direction::new(middle[0], middle[1], middle[2]).unwrap_or(first);
-        let radius = directions
-            .iter()
-            .fold(0.0f64, |r, d| r.max(axis.angle_to(*d)));
+        let radius = directions.iter().fold(0.0f64, |r, d| r.max(axis.angle_to(*d)));
         Some(Self { axis, radius })
     }
 
@@ -83,28 +73,13 @@ mod tests {
 
     #[test]
     fn a_cap_of_points_is_found_again() {
-        for (axis, radius) in [
-            ([0.0, 0.0, 1.0], 1.4),
-            ([0.5, -0.2, 0.7], 0.6),
-            ([-0.1, 0.9, -0.4], 1.0),
-        ] {
-            let cap = Cap {
-                axis: Direction::new(axis[0], axis[1], axis[2]).unwrap(),
-                radius,
-            };
+        for (axis, radius) in [([0.0, 0.0, 1.0], 1.4), ([0.5, -0.2, 0.7], 0.6), ([-0.1, 0.9, -0.4], 1.0)] {
+            let cap = Cap { axis: Direction::new(axis[0], axis[1], axis[2]).unwrap(), radius };
             let points = fibonacci_in(cap, 400);
             assert!(points.iter().all(|p| cap.contains(*p)));
             let found = Cap::enclosing(&points).unwrap();
-            assert!(
-                found.axis.angle_to(cap.axis) < 0.03,
-                "{}",
-                found.axis.angle_to(cap.axis)
-            );
-            assert!(
-                (found.radius - radius).abs() < 0.03,
-                "{} {radius}",
-                found.radius
-            );
+            assert!(found.axis.angle_to(cap.axis) < 0.03, "{}", found.axis.angle_to(cap.axis));
+            assert!((found.radius - radius).abs() < 0.03, "{} {radius}", found.radius);
         }
     }
 

@@ -19,29 +19,13 @@ pub fn largest_hole(directions: &[Direction]) -> Option<Hole> {
     if directions.is_empty() {
         return None;
     }
-    let hemisphere = Cap {
-        axis: Direction::OUT,
-        radius: FRAC_PI_2,
-    };
-    let distance = |p: Direction| {
-        directions
-            .iter()
-            .map(|d| p.angle_to(*d))
-            .fold(f64::INFINITY, f64::min)
-    };
-    fibonacci_in(hemisphere, 8192)
-        .into_iter()
-        .map(|centre| Hole {
-            centre,
-            radius: distance(centre),
-        })
-        .reduce(|largest, hole| {
-            if hole.radius > largest.radius {
-                hole
-            } else {
-                largest
-            }
-        })
+    let hemisphere = Cap { axis: Direction::OUT, radius: FRAC_PI_2 };
+    let distance = |p: Direction| directions.iter().map(|d| p.angle_to(*d)).fold(f64::INFINITY, f64::min);
+    fibonacci_in(hemisphere, 8192).into_iter().map(|centre| Hole { centre, radius: distance(centre) }).reduce(
+        |largest, hole| {
+            if hole.radius > largest.radius { hole } else { largest }
+        },
+    )
 }
 
 #[cfg(test)]
@@ -50,14 +34,9 @@ mod tests {
 
     #[test]
     fn a_missing_quarter_is_the_hole() {
-        let hemisphere = Cap {
-            axis: Direction::OUT,
-            radius: FRAC_PI_2,
-        };
-        let lights: Vec<_> = fibonacci_in(hemisphere, 300)
-            .into_iter()
-            .filter(|d| d.x() < 0.3 || d.y() < 0.3)
-            .collect();
+        let hemisphere = Cap { axis: Direction::OUT, radius: FRAC_PI_2 };
+        let lights: Vec<_> =
+            fibonacci_in(hemisphere, 300).into_iter().filter(|d| d.x() < 0.3 || d.y() < 0.3).collect();
         let hole = largest_hole(&lights).unwrap();
         assert!(hole.centre.x() > 0.4 && hole.centre.y() > 0.4, "{hole:?}");
         assert!(hole.radius > 0.4, "{hole:?}");

@@ -35,12 +35,7 @@ fn point(z: f64, phi: f64) -> Direction {
 pub fn hammersley(count: usize, base: usize) -> Vec<Direction> {
     assert!(base >= 2, "a radical inverse needs a base of at least 2");
     (0..count)
-        .map(|k| {
-            point(
-                2.0 * radical_inverse(k, base) - 1.0,
-                2.0 * PI * (k as f64 + 0.5) / count as f64,
-            )
-        })
+        .map(|k| point(2.0 * radical_inverse(k, base) - 1.0, 2.0 * PI * (k as f64 + 0.5) / count as f64))
         .collect()
 }
 
@@ -50,10 +45,7 @@ pub fn hammersley(count: usize, base: usize) -> Vec<Direction> {
 pub fn hammersley_in(cap: Cap, count: usize, base: usize) -> Vec<Direction> {
     let mut size = count;
     loop {
-        let inside: Vec<_> = hammersley(size, base)
-            .into_iter()
-            .filter(|&p| cap.contains(p))
-            .collect();
+        let inside: Vec<_> = hammersley(size, base).into_iter().filter(|&p| cap.contains(p)).collect();
         if inside.len() >= count {
             return inside.into_iter().take(count).collect();
         }
@@ -64,13 +56,7 @@ pub fn hammersley_in(cap: Cap, count: usize, base: usize) -> Vec<Direction> {
 
 /// `count` points of the golden-angle spiral on the sphere.
 pub fn fibonacci(count: usize) -> Vec<Direction> {
-    fibonacci_in(
-        Cap {
-            axis: Direction::OUT,
-            radius: PI,
-        },
-        count,
-    )
+    fibonacci_in(Cap { axis: Direction::OUT, radius: PI }, count)
 }
 
 /// `count` points of the golden-angle spiral on `cap`, each with the same share of its area.
@@ -91,9 +77,7 @@ pub fn nearest_neighbour_distances(points: &[Direction]) -> Vec<f64> {
     }
     let nearest = |i: usize| {
         let others = points.iter().enumerate().filter(|&(j, _)| j != i);
-        others
-            .map(|(_, q)| points[i].angle_to(*q))
-            .fold(PI, f64::min)
+        others.map(|(_, q)| points[i].angle_to(*q)).fold(PI, f64::min)
     };
     (0..points.len()).map(nearest).collect()
 }

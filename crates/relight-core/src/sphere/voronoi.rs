@@ -20,17 +20,10 @@ pub fn voronoi_weights(directions: &[Direction]) -> Vec<f64> {
     let count = directions.len();
     // Half a cell's radius beyond the outermost light: about what an even capture leaves there.
     let cell = (2.0 * (1.0 - libm::cos(cap.radius)) / count as f64).sqrt();
-    let reach = Cap {
-        axis: cap.axis,
-        radius: (cap.radius + 0.5 * cell).min(PI),
-    };
+    let reach = Cap { axis: cap.axis, radius: (cap.radius + 0.5 * cell).min(PI) };
 
     let site: Vec<usize> = (0..count)
-        .map(|i| {
-            (0..i)
-                .find(|&j| directions[i].angle_to(directions[j]) < SAME)
-                .unwrap_or(i)
-        })
+        .map(|i| (0..i).find(|&j| directions[i].angle_to(directions[j]) < SAME).unwrap_or(i))
         .collect();
     let mut sharers = vec![0.0; count];
     for &s in &site {
@@ -59,40 +52,22 @@ mod tests {
 
     #[test]
     fn an_even_dome_weighs_all_alike_and_a_cluster_shares_its_cell() {
-        let dome = Cap {
-            axis: Direction::OUT,
-            radius: 1.4,
-        };
+        let dome = Cap { axis: Direction::OUT, radius: 1.4 };
         let even = fibonacci_in(dome, 60);
         let weights = voronoi_weights(&even);
-        assert!(
-            weights.iter().all(|&w| (0.6..1.6).contains(&w)),
-            "{weights:?}"
-        );
+        assert!(weights.iter().all(|&w| (0.6..1.6).contains(&w)), "{weights:?}");
 
-        let cluster = Cap {
-            axis: Direction::new(0.5, 0.0, 0.8).unwrap(),
-            radius: 0.09,
-        };
+        let cluster = Cap { axis: Direction::new(0.5, 0.0, 0.8).unwrap(), radius: 0.09 };
         let mut both = even.clone();
         both.extend(fibonacci_in(cluster, 200));
         let weights = voronoi_weights(&both);
         let clustered: f64 = weights[60..].iter().sum::<f64>() / 260.0;
-        assert!(
-            clustered < 0.05,
-            "200 clustered lights hold {clustered} of the weight"
-        );
+        assert!(clustered < 0.05, "200 clustered lights hold {clustered} of the weight");
     }
 
     #[test]
     fn duplicates_share_and_the_mean_is_one() {
-        let mut lights = fibonacci_in(
-            Cap {
-                axis: Direction::OUT,
-                radius: 1.2,
-            },
-            12,
-        );
+        let mut lights = fibonacci_in(Cap { axis: Direction::OUT, radius: 1.2 }, 12);
         lights.push(lights[3]);
         let weights = voronoi_weights(&lights);
         assert_eq!(weights[3], weights[12]);
