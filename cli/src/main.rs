@@ -1,1 +1,63 @@
-fn main() {}
+//! `relight`: bakes pictures taken under known lights into textures that can be lit anew.
+//!
+//! One module a subcommand; options that several share are in `options`. Exit codes are those of
+//! [`failure::Exit`].
+
+mod bake;
+mod evaluate;
+mod failure;
+mod holdout;
+mod info;
+mod interrupt;
+mod job;
+mod lights;
+mod notes;
+mod options;
+mod progress;
+mod render;
+
+use clap::{Parser, Subcommand};
+use failure::{Exit, Failure};
+use std::process::ExitCode;
+
+#[derive(Parser)]
+#[command(name = "relight", version, about, after_help = failure::EXIT_CODES, args_override_self = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Fit pictures under known lights and write a relightable asset
+    Bake(bake::BakeArguments),
+    /// Light an asset anew and write pictures
+    Render(render::RenderArguments),
+    /// Compare an asset with photographs, light by light
+    Evaluate(evaluate::EvaluateArguments),
+    /// Examine a capture before baking it: coverage, duplicates, exposure, usable bases
+    Lights(lights::LightsArguments),
+    /// Say what is in a file that relight reads or writes
+    Info(info::InfoArguments),
+}
+
+fn main() -> ExitCode {
+    let arguments = match job::expand(std::env::args_os().collect()) {
+        Ok(arguments) => arguments,
+        Err(failure) => return failure.report(),
+    };
+    let arguments = Arguments::parse_from(arguments);
+    interrupt::watch();
+    let result = std::panic::catch_unwind(|| match arguments.command {
+        Command::Bake(arguments) => bake::run(&arguments),
+        Command::Render(arguments) => render::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Lights(arguments) => lights::run(&arguments),
+        Command::Info(arguments) => info::run(&arguments),
+    });
+    match result {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(failure)) => failure.report(),
+        Err(_) => Failure::new(Exit::Bug, "a bug of ours; please report the lines above").report(),
+    }
+}

@@ -1,5 +1,25 @@
 //! The only code that knows the bytes of files: pictures and light files in, assets out and in.
 
+pub mod asset;
+mod capture_folder;
+mod describe;
 mod error;
+pub mod light_file;
+mod machine;
+mod output_file;
+pub mod picture;
+mod picture_output;
+mod positioned;
+mod samples;
+mod stack;
 
+pub use asset::{AssetFormat, AssetHeader, AssetWriter, describe_asset, read_asset};
+pub use capture_folder::{OpenCapture, open_capture};
+pub use describe::describe;
 pub use error::FormatError;
+pub use light_file::{Capture, LightFile, light_file_in, match_pictures, read_light_file, unmatched};
+pub use machine::{create_folder, machine_memory, read_text};
+pub use output_file::{OutputFile, write_whole};
+pub use picture::{DecodedPicture, PictureInfo, SampleType, Samples, decode, probe};
+pub use picture_output::{PictureDepth, picture_depths, write_picture};
+pub use stack::{PictureStack, StackSettings};

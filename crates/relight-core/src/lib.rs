@@ -30,5 +30,5 @@ pub use direction::{Direction, DirectionError};
 pub use light_set::{Light, LightSet};
 pub use maps::{CoefficientMap, CoefficientSpan, RelightingMap, RelightingMaps, Texels};
 pub use model::{FitFigures, Layout, Model, PlaneRole, Space};
-pub use stack::{Stack, StackError};
+pub use stack::{Stack, StackError, StackRows};
 pub use transfer::{LUMINANCE, linear_from_srgb, luminance, srgb_from_linear};

@@ -6,7 +6,7 @@
 use crate::maps::RelightingMaps;
 use crate::model::{PlaneRole, Space};
 use crate::transfer::{linear_from_srgb, srgb_from_linear};
-use crate::weighted_sums::weighted_sums;
+use crate::weighted_sums::{weighted_sums, Rows};
 use crate::{CpuLevel, Direction};
 use rayon::prelude::*;
 
@@ -83,7 +83,9 @@ pub fn relight(maps: &RelightingMaps, light: Direction, level: CpuLevel) -> Pict
                     maps.planes[plane].coefficients(first, row);
                 }
                 let count = of_channel.planes.len();
-                weighted_sums(level, &of_channel.weights, count, &rows, &mut sums, pixels, pixels);
+                let input = Rows { samples: &rows[..], stride: pixels };
+                let output = Rows { samples: &mut sums[..], stride: pixels };
+                weighted_sums(level, &of_channel.weights, count, input, output, pixels);
             }
             if let Some(plane) = factors[channel] {
                 maps.planes[plane].coefficients(first, &mut factor);

@@ -38,18 +38,27 @@ pub trait Stack: Sync {
     /// 1 (grey) or 3 (R, G, B).
     fn channels(&self) -> usize;
 
-    /// Copies `samples` of picture `light` to `out`, as f32 in fitting space (0..1 for integer
-    /// pictures).
+    /// Makes `samples` of every picture readable: those spilled to disk are read back.
     ///
     /// # Errors
     /// [`StackError`] when a spilled picture can't be read back.
     ///
     /// # Panics
-    /// When `light` or `samples` lie outside the stack or `out` is not of `samples`' length.
-    fn read(&self, light: usize, samples: Range<usize>, out: &mut [f32]) -> Result<(), StackError>;
+    /// When `samples` lies outside the pictures.
+    fn rows(&self, samples: Range<usize>) -> Result<Box<dyn StackRows + '_>, StackError>;
 
-    /// Samples of one picture: width x height x channels.
-    fn samples(&self) -> usize {
-        self.width() * self.height() * self.channels()
+    /// Pixels of one picture.
+    fn pixels(&self) -> usize {
+        self.width() * self.height()
     }
+}
+
+/// A run of samples of all pictures, side by side.
+pub trait StackRows {
+    /// Writes samples `first .. first + out.len()` of picture `light`, counted from the run's
+    /// start, as f32 in fitting space (0..1 for integer pictures).
+    ///
+    /// # Panics
+    /// When `light` or the samples lie outside the run.
+    fn copy(&self, light: usize, first: usize, out: &mut [f32]);
 }

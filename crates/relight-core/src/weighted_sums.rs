@@ -13,66 +13,75 @@ const LANES: usize = 16;
 /// Rows of output that it keeps in registers at once.
 const ROWS: usize = 6;
 
-/// `output[r][x] = sum over i of matrix[r][i] * input[i][x]`, i rising from 0, in f32.
+/// Where rows lie: each starts `stride` samples after the one before.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows<T> {
+    /// All rows.
+    pub samples: T,
+    /// Distance of one row's first sample from the next one's.
+    pub stride: usize,
+}
+
+/// `output[r][x] = sum over i of matrix[r][i] * input[i][x]`, i rising from 0, in f32, for x in
+/// `0..width`.
 ///
-/// `matrix` is rows x terms, row-major. Row i of `input` starts at `i * stride` and row r of
-/// `output` at `r * stride`; `width` samples of each are used.
+/// `matrix` is rows x terms, row-major.
 ///
 /// # Panics
-/// When `width` exceeds `stride` or a slice is too short for these shapes.
+/// When `width` exceeds a stride or a slice is too short for these shapes.
 pub fn weighted_sums(
     level: CpuLevel,
     matrix: &[f32],
     terms: usize,
-    input: &[f32],
-    output: &mut [f32],
-    stride: usize,
+    input: Rows<&[f32]>,
+    output: Rows<&mut [f32]>,
     width: usize,
 ) {
-    assert!(width <= stride, "width {width} exceeds stride {stride}");
-    let rows = if terms == 0 { 0 } else { matrix.len() / terms };
-    assert!(terms == 0 || input.len() >= (terms - 1) * stride + width, "input is too short");
-    assert!(rows == 0 || output.len() >= (rows - 1) * stride + width, "output is too short");
+    let rows = matrix.len().checked_div(terms).unwrap_or(0);
+    assert!(width <= input.stride && width <= output.stride, "width {width} exceeds a stride");
+    assert!(rows == 0 || input.samples.len() >= (terms - 1) * input.stride + width, "input is too short");
+    assert!(rows == 0 || output.samples.len() >= (rows - 1) * output.stride + width, "output is too short");
     match level.kind() {
-        Kind::Baseline => kernel(matrix, terms, input, output, stride, width),
+        Kind::Baseline => kernel(matrix, terms, input, output, width),
         // SAFETY: a `CpuLevel` exists only for instruction sets that this machine has.
         #[cfg(target_arch = "x86_64")]
-        Kind::Avx2 => unsafe { kernel_avx2(matrix, terms, input, output, stride, width) },
+        Kind::Avx2 => unsafe { kernel_avx2(matrix, terms, input, output, width) },
         // SAFETY: as above.
         #[cfg(target_arch = "x86_64")]
-        Kind::Avx512 => unsafe { kernel_avx512(matrix, terms, input, output, stride, width) },
+        Kind::Avx512 => unsafe { kernel_avx512(matrix, terms, input, output, width) },
         #[cfg(not(target_arch = "x86_64"))]
-        _ => kernel(matrix, terms, input, output, stride, width),
+        _ => kernel(matrix, terms, input, output, width),
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn kernel_avx2(m: &[f32], terms: usize, input: &[f32], output: &mut [f32], stride: usize, width: usize) {
-    kernel(m, terms, input, output, stride, width);
+fn kernel_avx2(m: &[f32], terms: usize, input: Rows<&[f32]>, output: Rows<&mut [f32]>, width: usize) {
+    kernel(m, terms, input, output, width);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
-fn kernel_avx512(m: &[f32], terms: usize, input: &[f32], output: &mut [f32], stride: usize, width: usize) {
-    kernel(m, terms, input, output, stride, width);
+fn kernel_avx512(m: &[f32], terms: usize, input: Rows<&[f32]>, output: Rows<&mut [f32]>, width: usize) {
+    kernel(m, terms, input, output, width);
 }
 
 #[inline(always)]
-fn kernel(matrix: &[f32], terms: usize, input: &[f32], output: &mut [f32], stride: usize, width: usize) {
-    let rows = if terms == 0 { 0 } else { matrix.len() / terms };
+fn kernel(matrix: &[f32], terms: usize, input: Rows<&[f32]>, output: Rows<&mut [f32]>, width: usize) {
+    let rows = matrix.len().checked_div(terms).unwrap_or(0);
     let mut first = 0;
     while first < rows {
         let block = (rows - first).min(ROWS);
         let weights = &matrix[first * terms..(first + block) * terms];
-        let out = &mut output[first * stride..];
+        let stride = output.stride;
+        let out = Rows { samples: &mut output.samples[first * stride..], stride };
         match block {
-            6 => block_of::<6>(weights, terms, input, out, stride, width),
-            5 => block_of::<5>(weights, terms, input, out, stride, width),
-            4 => block_of::<4>(weights, terms, input, out, stride, width),
-            3 => block_of::<3>(weights, terms, input, out, stride, width),
-            2 => block_of::<2>(weights, terms, input, out, stride, width),
-            _ => block_of::<1>(weights, terms, input, out, stride, width),
+            6 => block_of::<6>(weights, terms, input, out, width),
+            5 => block_of::<5>(weights, terms, input, out, width),
+            4 => block_of::<4>(weights, terms, input, out, width),
+            3 => block_of::<3>(weights, terms, input, out, width),
+            2 => block_of::<2>(weights, terms, input, out, width),
+            _ => block_of::<1>(weights, terms, input, out, width),
         }
         first += block;
     }
@@ -83,9 +92,8 @@ fn kernel(matrix: &[f32], terms: usize, input: &[f32], output: &mut [f32], strid
 fn block_of<const R: usize>(
     weights: &[f32],
     terms: usize,
-    input: &[f32],
-    output: &mut [f32],
-    stride: usize,
+    input: Rows<&[f32]>,
+    output: Rows<&mut [f32]>,
     width: usize,
 ) {
     let rows: [&[f32]; R] = std::array::from_fn(|r| &weights[r * terms..(r + 1) * terms]);
@@ -93,8 +101,7 @@ fn block_of<const R: usize>(
     while x + LANES <= width {
         let mut sums = [[0.0f32; LANES]; R];
         for i in 0..terms {
-            let samples: &[f32; LANES] =
-                input[i * stride + x..].first_chunk().expect("the caller's shapes were checked");
+            let samples = &input.samples[i * input.stride + x..][..LANES];
             for r in 0..R {
                 let weight = rows[r][i];
                 for lane in 0..LANES {
@@ -103,7 +110,7 @@ fn block_of<const R: usize>(
             }
         }
         for (r, sum) in sums.iter().enumerate() {
-            output[r * stride + x..][..LANES].copy_from_slice(sum);
+            output.samples[r * output.stride + x..][..LANES].copy_from_slice(sum);
         }
         x += LANES;
     }
@@ -111,9 +118,9 @@ fn block_of<const R: usize>(
         for r in 0..R {
             let mut sum = 0.0;
             for i in 0..terms {
-                sum += rows[r][i] * input[i * stride + x];
+                sum += rows[r][i] * input.samples[i * input.stride + x];
             }
-            output[r * stride + x] = sum;
+            output.samples[r * output.stride + x] = sum;
         }
     }
 }
@@ -152,7 +159,8 @@ mod tests {
                 let expected = textbook(&matrix, terms, &input, stride, width);
                 for level in CpuLevel::available() {
                     let mut output = vec![f32::NAN; rows * stride];
-                    weighted_sums(level, &matrix, terms, &input, &mut output, stride, width);
+                    let (samples, out) = (&input[..], &mut output[..]);
+                    weighted_sums(level, &matrix, terms, Rows { samples, stride }, Rows { samples: out, stride }, width);
                     let same = expected.iter().zip(&output).all(|(a, b)| a.to_bits() == b.to_bits());
                     assert!(same, "{} differs at {rows} x {terms} x {width}", level.name());
                 }

@@ -1,1 +1,20 @@
-//! Fit.
+//! Rebinning and fitting: from a stack of pictures to coefficients of a basis at every pixel.
+//!
+//! One small matrix, found once by singular values in f64, turns the values of a pixel under all
+//! lights into its coefficients; the pictures are rebinned tile by tile so that each is read once.
+
+mod decomposition;
+mod error;
+mod leave_one_out;
+mod least_squares;
+mod rebin;
+mod sample;
+mod usable;
+
+pub use decomposition::{Decomposition, LightWeights, RANK_TOLERANCE};
+pub use error::FitError;
+pub use leave_one_out::{LeaveOneOut, Misfit};
+pub use least_squares::{LeastSquares, Ridge};
+pub use rebin::{coefficient_ranges, fit_map, for_each_span, SPAN};
+pub use sample::Sample;
+pub use usable::{largest_usable, usability, Usability, LIGHTS_PER_FUNCTION, WORST_CONDITION};

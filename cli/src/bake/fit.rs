@@ -1,0 +1,120 @@
+//! From options and lights to a solved fit, and what is worth saying about it.
+
+use super::BakeArguments;
+use crate::failure::Failure;
+use relight_core::{Basis, Design, Direction};
+use relight_fit::{largest_usable, LeastSquares, Misfit, Sample, LIGHTS_PER_FUNCTION, WORST_CONDITION};
+use relight_formats::OpenCapture;
+
+/// The basis to fit.
+pub(super) struct Choice {
+    pub(super) basis: Basis,
+    notes: Vec<String>,
+}
+
+/// A solved fit.
+pub(super) struct BakeFit {
+    pub(super) least_squares: LeastSquares,
+    /// What the user should know: lowered orders, deficient lights, pictures that don't fit.
+    pub(super) notes: Vec<String>,
+    pub(super) misfits: Vec<Misfit>,
+}
+
+/// How many of its nearest lights a light is compared with.
+const NEIGHBOURS: usize = 6;
+
+/// The basis that the options name; its default size is lowered to what the lights carry.
+pub(super) fn choose_basis(arguments: &BakeArguments, capture: &OpenCapture) -> Result<Choice, Failure> {
+    let family = arguments.family()?;
+    let lights = &capture.capture.lights;
+    let srbf = arguments.srbf()?;
+    let build = |count| family.build(&Design { count, lights, srbf });
+    if let Some(count) = arguments.asked_count()? {
+        return Ok(Choice { basis: build(count)?, notes: Vec::new() });
+    }
+    let smallest = family.counts_up_to(family.default_count).first().copied().unwrap_or(family.default_count);
+    let usable = largest_usable(family, lights, srbf, family.default_count)?;
+    let basis = match usable {
+        Some(usable) => usable.basis,
+        None => build(smallest)?,
+    };
+    let mut notes = Vec::new();
+    if basis.count() < family.default_count {
+        notes.push(format!(
+            "{} lights do not carry the usual {} functions of {}; {} are fitted (-k sets another number)",
+            lights.len(),
+            family.default_count,
+            family.name,
+            basis.count()
+        ));
+    }
+    Ok(Choice { basis, notes })
+}
+
+/// Solves the fit and examines it.
+pub(super) fn solve(
+    arguments: &BakeArguments,
+    choice: Choice,
+    capture: &OpenCapture,
+    sample: &Sample,
+) -> Result<BakeFit, Failure> {
+    let directions = capture.capture.lights.directions();
+    let Choice { basis, mut notes } = choice;
+    let fit = LeastSquares::new(basis, &directions, arguments.weighting(), arguments.ridge, sample)?;
+    notes.extend(deficiency(arguments, capture, &fit)?);
+    let neighbours = nearest_lights(&directions);
+    let misfits = fit.leave_one_out.misfits(&fit.decomposition, &fit.solution, sample, &neighbours);
+    let name = |light: usize| &capture.capture.lights.lights[light].name;
+    for misfit in &misfits {
+        let ratio = misfit.rmse / misfit.expected;
+        let better = misfit.better.map_or(String::new(), |other| format!("; it fits the light of {} better", name(other)));
+        notes.push(format!(
+            "picture {} is {ratio:.1} times harder to predict than those around it{better}: check its light",
+            name(misfit.light)
+        ));
+    }
+    Ok(BakeFit { least_squares: fit, notes, misfits })
+}
+
+/// A sentence when the lights leave functions undetermined or nearly so.
+fn deficiency(
+    arguments: &BakeArguments,
+    capture: &OpenCapture,
+    fit: &LeastSquares,
+) -> Result<Option<String>, Failure> {
+    let lights = &capture.capture.lights;
+    let decomposition = &fit.decomposition;
+    let (rank, functions) = (decomposition.rank(), decomposition.functions);
+    let problem = if rank < functions {
+        format!(
+            "{} lights determine {rank} of the {functions} functions; the least-norm solution is taken",
+            lights.len()
+        )
+    } else if (lights.len() as f64) < LIGHTS_PER_FUNCTION * functions as f64 {
+        format!("{} lights for {functions} functions leave little to tell noise from shape", lights.len())
+    } else if decomposition.condition() > WORST_CONDITION {
+        format!("the lights determine the {functions} functions poorly (condition {:.1e})", decomposition.condition())
+    } else {
+        return Ok(None);
+    };
+    let family = fit.basis.family();
+    let advice = match largest_usable(family, lights, arguments.srbf()?, functions)? {
+        Some(usable) => format!("the largest {} that these lights carry is -k {}", family.name, usable.basis.count()),
+        None => format!("these lights carry no {} at all", family.name),
+    };
+    Ok(Some(format!("{problem}; {advice}")))
+}
+
+/// The nearest lights of each light.
+fn nearest_lights(directions: &[Direction]) -> Vec<Vec<usize>> {
+    (0..directions.len())
+        .map(|i| {
+            let mut others: Vec<usize> = (0..directions.len()).filter(|&j| j != i).collect();
+            others.sort_by(|&a, &b| {
+                directions[i].angle_to(directions[a]).total_cmp(&directions[i].angle_to(directions[b]))
+            });
+            others.truncate(NEIGHBOURS);
+            others
+        })
+        .collect()
+}

@@ -1,0 +1,347 @@
+//! `relight bake`: pictures in, asset out.
+
+mod fit;
+mod report;
+
+use crate::failure::Failure;
+use crate::holdout::Holdout;
+use crate::options::{Machine, MachineOptions};
+use crate::{evaluate, interrupt, notes, progress};
+use clap::{Args, ValueEnum};
+use relight_core::basis::{Domain, Kernel, PointSet, Spread, SrbfDesign, FAMILIES};
+use relight_core::{Layout, Model, Space, Stack};
+use relight_fit::{coefficient_ranges, for_each_span, LightWeights, Ridge, Sample};
+use relight_formats::{open_capture, AssetFormat, AssetHeader, OpenCapture, PictureStack, StackSettings};
+use relight_texture::Precision;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What to fit and how. Every option is also a key of a TOML job file given as INPUT.
+#[derive(Args, Debug)]
+pub(crate) struct BakeArguments {
+    /// A .lp file, a folder that holds one, or a .toml job file
+    input: PathBuf,
+    /// The asset to write: .ktx2, .exr or .ptm
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Family of functions: ptm, sh, hsh or srbf
+    #[arg(long, value_name = "NAME", default_value = "ptm")]
+    basis: String,
+    /// Number of functions of light
+    #[arg(short, long, value_name = "N", conflicts_with_all = ["order", "degree"])]
+    k: Option<usize>,
+    /// Order of sh and hsh, instead of -k
+    #[arg(long, value_name = "N", conflicts_with = "degree")]
+    order: Option<usize>,
+    /// Degree of ptm, instead of -k
+    #[arg(long, value_name = "N")]
+    degree: Option<usize>,
+    /// Three planes a function, or luminance planes and a base colour
+    #[arg(long, value_name = "COLOR", value_enum, default_value = "rgb")]
+    color: Color,
+    /// Values to fit: auto takes 8/16-bit pictures encoded and float pictures linear
+    #[arg(long, value_name = "SPACE", value_enum, default_value = "auto")]
+    space: SpaceChoice,
+    /// How strongly coefficients are held small: auto, or 0 to 1
+    #[arg(long, value_name = "RIDGE", default_value = "auto", value_parser = ridge_of)]
+    ridge: Ridge,
+    /// Weight of each light: by the area of its cell on the sphere, or all alike
+    #[arg(long, value_name = "WEIGHTS", value_enum, default_value = "voronoi")]
+    weights: Weights,
+    /// How coefficients are stored; u8 by default, f16 in .exr
+    #[arg(long, value_name = "PRECISION", value_enum)]
+    precision: Option<PrecisionChoice>,
+    /// Pictures to leave out and judge by: every:N, random:N[:seed] or FILE.lp
+    #[arg(long, value_name = "WHICH")]
+    holdout: Option<Holdout>,
+    /// SRBF: where centres come from [default: fibonacci]
+    #[arg(long, value_name = "SET", value_enum)]
+    points: Option<Points>,
+    /// SRBF: the part of the sphere that centres cover [default: auto]
+    #[arg(long, value_name = "DOMAIN", value_enum)]
+    domain: Option<DomainChoice>,
+    /// SRBF: spread as a factor of the centres' mean nearest distance, or 'paper' for the least
+    /// [default: 0.85]
+    #[arg(long, value_name = "FACTOR", value_parser = spread_of)]
+    spread: Option<Spread>,
+    /// SRBF: the functions' shape [default: geodesic]
+    #[arg(long, value_name = "KERNEL", value_enum)]
+    kernel: Option<KernelChoice>,
+    /// Write figures of the fit, each light's errors and times as JSON
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    machine: MachineOptions,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Color {
+    Rgb,
+    Lrgb,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum SpaceChoice {
+    Auto,
+    Encoded,
+    Linear,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Weights {
+    Voronoi,
+    Uniform,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PrecisionChoice {
+    U8,
+    F16,
+    F32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Points {
+    Hammersley2,
+    Hammersley3,
+    Fibonacci,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum DomainChoice {
+    Auto,
+    Sphere,
+    Cap,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum KernelChoice {
+    Geodesic,
+    Spherical,
+}
+
+fn ridge_of(text: &str) -> Result<Ridge, String> {
+    match text.parse::<f64>() {
+        _ if text == "auto" => Ok(Ridge::Auto),
+        Ok(ridge) if (0.0..=1.0).contains(&ridge) => Ok(Ridge::Fixed(ridge)),
+        _ => Err("write auto or a number from 0 to 1".to_owned()),
+    }
+}
+
+fn spread_of(text: &str) -> Result<Spread, String> {
+    match text.parse::<f64>() {
+        _ if text == "paper" => Ok(Spread::LeastDistance),
+        Ok(factor) if (0.1..=10.0).contains(&factor) => Ok(Spread::OfMean(factor)),
+        _ => Err("write paper or a factor from 0.1 to 10".to_owned()),
+    }
+}
+
+/// Seconds that each stage took, in order.
+pub(crate) struct Stages(Vec<(&'static str, f64)>);
+
+impl Stages {
+    fn time<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let result = work();
+        self.0.push((stage, start.elapsed().as_secs_f64()));
+        result
+    }
+}
+
+/// Runs the subcommand.
+pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
+    let machine = arguments.machine.machine()?;
+    let format = AssetFormat::by_path(&arguments.output)?;
+    let precision = arguments.precision(format);
+    let mut stages = Stages(Vec::new());
+
+    let all = stages.time("open", || open_capture(&arguments.input))?;
+    notes::print(&all.capture.notes);
+    let (fitted, left_out) = split(&all, arguments.holdout.as_ref())?;
+    let space = arguments.space(&all);
+    let choice = fit::choose_basis(arguments, &fitted)?;
+    let layout = arguments.layout(&fitted);
+    let mut model =
+        Model { basis: choice.basis.clone(), layout, space, lights: fitted.capture.lights.directions(), figures: None };
+    let header = |model| AssetHeader { width: fitted.infos[0].width, height: fitted.infos[0].height, model, precision };
+    format.check(&arguments.output, &header(model.clone()))?;
+
+    let stack = stages.time("decode", || load(&fitted, space, &machine, &arguments.output))?;
+    let fit = stages.time("solve", || -> Result<_, Failure> {
+        let sample = Sample::of(&stack).map_err(relight_fit::FitError::from)?;
+        fit::solve(arguments, choice, &fitted, &sample)
+    })?;
+    model.figures = Some(fit.least_squares.figures);
+    let header = header(model);
+
+    let ranges = stages.time("ranges", || match format.needs_ranges(precision) {
+        true => coefficient_ranges::<Failure>(&stack, &fit.least_squares, layout, machine.level, || {
+            Ok(interrupt::check()?)
+        }),
+        false => Ok(Vec::new()),
+    })?;
+    let writer = format.create(&arguments.output, header, &ranges, machine.memory)?;
+    let bar = progress::bar("fitting", stack.pixels());
+    stages.time("fit and write", || -> Result<(), Failure> {
+        for_each_span::<Failure>(&stack, &fit.least_squares, layout, machine.level, |span| {
+            interrupt::check()?;
+            writer.write(span)?;
+            bar.inc(span.pixels as u64);
+            Ok(())
+        })?;
+        Ok(writer.finish()?)
+    })?;
+    bar.finish_and_clear();
+    let spilled = stack.spilled_bytes();
+    drop(stack);
+
+    let judged = match &left_out {
+        Some(capture) => Some(stages.time("hold-out", || evaluate::evaluate(&arguments.output, capture, &machine))?),
+        None => None,
+    };
+    let summary = report::Summary { fit: &fit, fitted: &fitted, judged: judged.as_ref(), stages: &stages, spilled, precision };
+    summary.print(&arguments.output);
+    if let Some(path) = &arguments.report {
+        relight_formats::write_whole(path, summary.json(&arguments.output).as_bytes())?;
+    }
+    Ok(())
+}
+
+/// The pictures to fit, and those to judge the fit by.
+fn split(all: &OpenCapture, holdout: Option<&Holdout>) -> Result<(OpenCapture, Option<OpenCapture>), Failure> {
+    let (kept, judge) = match holdout {
+        None => return Ok((all.clone(), None)),
+        Some(Holdout::File(path)) => {
+            let judge = open_capture(path)?;
+            let names = judge.capture.pictures.iter().filter_map(|p| p.canonicalize().ok()).collect::<Vec<_>>();
+            let is_judge = |path: &Path| path.canonicalize().is_ok_and(|path| names.contains(&path));
+            let kept: Vec<usize> =
+                (0..all.infos.len()).filter(|&i| !is_judge(&all.capture.pictures[i])).collect();
+            (kept, judge)
+        }
+        Some(rule) => {
+            let out = rule.indices(all.infos.len());
+            let kept: Vec<usize> = (0..all.infos.len()).filter(|i| !out.contains(i)).collect();
+            (kept, all.select(&out))
+        }
+    };
+    if kept.is_empty() || judge.infos.is_empty() {
+        let message = format!(
+            "--holdout leaves {} of {} pictures to fit and {} to judge by; both must be at least 1",
+            kept.len(),
+            all.infos.len(),
+            judge.infos.len()
+        );
+        return Err(Failure::usage(message));
+    }
+    Ok((all.select(&kept), Some(judge)))
+}
+
+fn load(capture: &OpenCapture, space: Space, machine: &Machine, output: &Path) -> Result<PictureStack, Failure> {
+    let bar = progress::bar("decoding", capture.infos.len());
+    let folder = match std::env::var_os("TMPDIR") {
+        Some(folder) => PathBuf::from(folder),
+        None => output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned(),
+    };
+    let settings = StackSettings {
+        space,
+        memory: machine.memory,
+        threads: machine.threads,
+        spill_folder: &folder,
+        level: machine.level,
+        cancel: interrupt::flag(),
+        progress: &|done| bar.set_position(done as u64),
+    };
+    let stack = PictureStack::load(&capture.capture.pictures, &capture.infos, &settings)?;
+    bar.finish_and_clear();
+    Ok(stack)
+}
+
+impl BakeArguments {
+    fn precision(&self, format: &AssetFormat) -> Precision {
+        match self.precision {
+            Some(PrecisionChoice::U8) => Precision::U8,
+            Some(PrecisionChoice::F16) => Precision::F16,
+            Some(PrecisionChoice::F32) => Precision::F32,
+            None => format.precisions[0],
+        }
+    }
+
+    fn space(&self, capture: &OpenCapture) -> Space {
+        match self.space {
+            SpaceChoice::Encoded => Space::Encoded,
+            SpaceChoice::Linear => Space::Linear,
+            SpaceChoice::Auto if capture.is_float() => Space::Linear,
+            SpaceChoice::Auto => Space::Encoded,
+        }
+    }
+
+    fn layout(&self, capture: &OpenCapture) -> Layout {
+        let grey = capture.infos.iter().all(|info| info.channels == 1);
+        match self.color {
+            Color::Lrgb => Layout::Lrgb,
+            Color::Rgb if grey => Layout::Grey,
+            Color::Rgb => Layout::Rgb,
+        }
+    }
+
+    /// The number of functions asked for by -k, --order or --degree; `None` for the default.
+    fn asked_count(&self) -> Result<Option<usize>, Failure> {
+        let family = self.family()?;
+        let sized = |word: &str, size: Option<usize>| match (size, family.size) {
+            (None, _) => Ok(None),
+            (Some(size), Some((has, count))) if has == word && size < 1000 => Ok(Some(count(size))),
+            (Some(_), size) => {
+                let takes = size.map_or("-k".to_owned(), |(word, _)| format!("-k or --{word}"));
+                Err(Failure::usage(format!("basis {} takes no --{word}; use {takes}", family.name)))
+            }
+        };
+        Ok(self.k.or(sized("order", self.order)?).or(sized("degree", self.degree)?))
+    }
+
+    fn family(&self) -> Result<&'static relight_core::Family, Failure> {
+        relight_core::Family::by_name(&self.basis).ok_or_else(|| {
+            let names: Vec<_> = FAMILIES.iter().map(|family| family.name).collect();
+            Failure::usage(format!("unknown basis '{}'; there are: {}", self.basis, names.join(", ")))
+        })
+    }
+
+    /// The choices of the SRBF family; an error when they are given for another one.
+    fn srbf(&self) -> Result<SrbfDesign, Failure> {
+        let given = [
+            ("points", self.points.is_some()),
+            ("domain", self.domain.is_some()),
+            ("spread", self.spread.is_some()),
+            ("kernel", self.kernel.is_some()),
+        ];
+        if let Some((flag, _)) = given.iter().find(|(_, given)| *given).filter(|_| self.basis != "srbf") {
+            return Err(Failure::usage(format!("--{flag} belongs to --basis srbf; {} has no such choice", self.basis)));
+        }
+        let default = SrbfDesign::default();
+        Ok(SrbfDesign {
+            points: self.points.map_or(default.points, |points| match points {
+                Points::Hammersley2 => PointSet::Hammersley2,
+                Points::Hammersley3 => PointSet::Hammersley3,
+                Points::Fibonacci => PointSet::Fibonacci,
+            }),
+            domain: self.domain.map_or(default.domain, |domain| match domain {
+                DomainChoice::Auto => Domain::Auto,
+                DomainChoice::Sphere => Domain::Sphere,
+                DomainChoice::Cap => Domain::Cap,
+            }),
+            spread: self.spread.unwrap_or(default.spread),
+            kernel: self.kernel.map_or(default.kernel, |kernel| match kernel {
+                KernelChoice::Geodesic => Kernel::Geodesic,
+                KernelChoice::Spherical => Kernel::Spherical,
+            }),
+        })
+    }
+
+    fn weighting(&self) -> LightWeights {
+        match self.weights {
+            Weights::Voronoi => LightWeights::Voronoi,
+            Weights::Uniform => LightWeights::Uniform,
+        }
+    }
+}
+

@@ -1,0 +1,95 @@
+//! What a bake says for itself: a few lines on standard output, everything in `--report`.
+
+use super::fit::BakeFit;
+use super::Stages;
+use crate::evaluate::Evaluation;
+use crate::notes;
+use relight_formats::OpenCapture;
+use relight_texture::Precision;
+use serde_json::{json, Value};
+use std::path::Path;
+
+/// Everything that a report tells.
+pub(super) struct Summary<'a> {
+    pub(super) fit: &'a BakeFit,
+    pub(super) fitted: &'a OpenCapture,
+    pub(super) judged: Option<&'a Evaluation>,
+    pub(super) stages: &'a Stages,
+    pub(super) spilled: u64,
+    pub(super) precision: Precision,
+}
+
+impl Summary<'_> {
+    /// Prints notes and the main figures.
+    pub(super) fn print(&self, output: &Path) {
+        notes::print(&self.fit.notes);
+        let fit = &self.fit.least_squares;
+        println!(
+            "{}: {} x {}, {} with {} functions, {}, from {} pictures",
+            output.display(),
+            self.fitted.infos[0].width,
+            self.fitted.infos[0].height,
+            fit.basis.family().name,
+            fit.basis.count(),
+            self.precision.name(),
+            self.fitted.infos.len()
+        );
+        println!(
+            "error of the fit {:.4}, of predicting each light from the others {:.4} (rms, 0..1, before {} storage)",
+            fit.figures.fit_rmse,
+            fit.figures.leave_one_out_rmse,
+            self.precision.name()
+        );
+        if let Some(judged) = self.judged {
+            println!("held out, {} pictures: {}", judged.pictures.len(), judged.mean_words());
+        }
+        let total: f64 = self.stages.0.iter().map(|(_, seconds)| seconds).sum();
+        let stages: Vec<_> = self.stages.0.iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
+        println!("{total:.2} s: {}", stages.join(", "));
+    }
+
+    /// The report as JSON text.
+    pub(super) fn json(&self, output: &Path) -> String {
+        let fit = &self.fit.least_squares;
+        let decomposition = &fit.decomposition;
+        let lights: Vec<Value> = self.fitted.capture.lights.lights.iter().enumerate().map(|(i, light)| {
+            json!({
+                "name": light.name,
+                "direction": light.direction,
+                "weight": decomposition.weights[i],
+                "leverage": fit.leave_one_out.leverage[i],
+                "fit_rmse": fit.leave_one_out.fit[i],
+                "leave_one_out_rmse": finite(fit.leave_one_out.left_out[i]),
+                "misfit": self.fit.misfits.iter().any(|misfit| misfit.light == i),
+            })
+        }).collect();
+        let stages: serde_json::Map<String, Value> =
+            self.stages.0.iter().map(|(name, seconds)| ((*name).to_owned(), json!(seconds))).collect();
+        let report = json!({
+            "relight": env!("CARGO_PKG_VERSION"),
+            "output": output.to_string_lossy(),
+            "width": self.fitted.infos[0].width,
+            "height": self.fitted.infos[0].height,
+            "basis": fit.basis,
+            "functions": fit.basis.count(),
+            "precision": self.precision.name(),
+            "ridge": fit.ridge,
+            "rank": decomposition.rank(),
+            "condition": finite(decomposition.condition()),
+            "singular_values": decomposition.singular_values,
+            "fit_rmse": fit.figures.fit_rmse,
+            "leave_one_out_rmse": finite(fit.figures.leave_one_out_rmse),
+            "lights": lights,
+            "holdout": self.judged.map(Evaluation::to_json),
+            "notes": self.fitted.capture.notes.iter().chain(&self.fit.notes).collect::<Vec<_>>(),
+            "seconds": stages,
+            "spilled_bytes": self.spilled,
+        });
+        format!("{report:#}\n")
+    }
+}
+
+/// JSON has no infinity: `null` stands for it.
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}

@@ -1,0 +1,257 @@
+//! `relight evaluate`: an asset beside photographs, light by light.
+
+use crate::failure::{Exit, Failure};
+use crate::options::{Machine, MachineOptions};
+use crate::{interrupt, notes, progress};
+use clap::Args;
+use rayon::prelude::*;
+use relight_core::metrics::{self, PictureError};
+use relight_core::relighter::{relight, Picture};
+use relight_core::{RelightingMaps, Space};
+use relight_formats::{decode, open_capture, read_asset, write_picture, OpenCapture, PictureDepth};
+use serde_json::{json, Value};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// What to compare.
+#[derive(Args, Debug)]
+pub(crate) struct EvaluateArguments {
+    /// The asset: .ktx2, .exr or .ptm
+    asset: PathBuf,
+    /// A .lp file, or a folder that holds one: the lights and their photographs
+    set: PathBuf,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    json: bool,
+    /// Write the mean absolute error of each pixel as a picture; black is 0, white 0.25 and more
+    #[arg(long, value_name = "FILE.png")]
+    heatmap: Option<PathBuf>,
+    #[command(flatten)]
+    machine: MachineOptions,
+}
+
+/// Errors of one light.
+pub(crate) struct PictureFigures {
+    name: String,
+    /// On stored values: encoded for integer pictures, linear for float ones.
+    stored: PictureError,
+    /// On sRGB-encoded values; differs for float pictures only.
+    encoded: PictureError,
+}
+
+/// Errors of all lights of a set.
+pub(crate) struct Evaluation {
+    pub(crate) pictures: Vec<PictureFigures>,
+    /// Whether the photographs hold linear floats.
+    linear: bool,
+    /// Mean absolute error of each pixel over lights and channels, stored values.
+    mean_error: Picture,
+}
+
+/// Error that the heat map draws white.
+const HEATMAP_FULL: f32 = 0.25;
+
+/// Runs the subcommand.
+pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
+    let machine = arguments.machine.machine()?;
+    let capture = open_capture(&arguments.set)?;
+    notes::print(&capture.capture.notes);
+    let evaluation = evaluate(&arguments.asset, &capture, &machine)?;
+    if let Some(path) = &arguments.heatmap {
+        write_picture(path, &evaluation.heatmap(), PictureDepth::U8)?;
+    }
+    if arguments.json {
+        println!("{:#}", evaluation.to_json());
+    } else {
+        evaluation.print();
+    }
+    Ok(())
+}
+
+/// Relights `asset` at every light of `capture` and compares.
+pub(crate) fn evaluate(asset: &Path, capture: &OpenCapture, machine: &Machine) -> Result<Evaluation, Failure> {
+    let maps = read_asset(asset, machine.memory)?;
+    let info = &capture.infos[0];
+    if (maps.width, maps.height) != (info.width, info.height) {
+        let message = format!(
+            "{} is {} x {} pixels, the pictures of {} are {} x {}; evaluate against pictures of the asset's size",
+            asset.display(),
+            maps.width,
+            maps.height,
+            capture.capture.light_file.display(),
+            info.width,
+            info.height
+        );
+        return Err(Failure::new(Exit::BadInput, message));
+    }
+    let linear = capture.is_float();
+    let bar = progress::bar("comparing", capture.infos.len());
+    let sum = Mutex::new(vec![0.0f64; maps.pixels()]);
+    let figures = |i: usize| -> Result<PictureFigures, Failure> {
+        interrupt::check()?;
+        let light = &capture.capture.lights.lights[i];
+        let photograph = photograph(&capture.capture.pictures[i], machine)?;
+        let relit = relit(&maps, light.direction, linear, machine);
+        let (relit, photograph) = same_channels(relit, photograph);
+        let compare = |a: &Picture, b: &Picture| metrics::compare(&a.samples, &b.samples, a.width, a.channels);
+        let stored = compare(&relit, &photograph);
+        let mut sum = sum.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        add_errors(&mut sum, &relit, &photograph);
+        drop(sum);
+        let encoded = match linear {
+            true => compare(&relit.encoded_from(Space::Linear), &photograph.encoded_from(Space::Linear)),
+            false => stored,
+        };
+        bar.inc(1);
+        Ok(PictureFigures { name: light.name.clone(), stored, encoded })
+    };
+    let pictures = (0..capture.infos.len()).into_par_iter().map(figures).collect::<Result<Vec<_>, _>>()?;
+    bar.finish_and_clear();
+    let count = pictures.len() as f64;
+    let sum = sum.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let samples = sum.into_iter().map(|error| (error / count) as f32).collect();
+    let mean_error = Picture { width: maps.width, height: maps.height, channels: 1, samples };
+    Ok(Evaluation { pictures, linear, mean_error })
+}
+
+/// A photograph as f32 values in its own space.
+fn photograph(path: &Path, machine: &Machine) -> Result<Picture, Failure> {
+    let picture = decode(path, machine.level, machine.memory)?;
+    let space = if picture.info.sample_type.is_float() { Space::Linear } else { Space::Encoded };
+    let (width, height, channels) = (picture.info.width, picture.info.height, picture.info.channels);
+    let mut samples = vec![0.0; width * height * channels];
+    picture.samples.copy_to(space, 0, &mut samples);
+    Ok(Picture { width, height, channels, samples })
+}
+
+/// The asset under a light, in the photographs' space.
+fn relit(maps: &RelightingMaps, light: relight_core::Direction, linear: bool, machine: &Machine) -> Picture {
+    let picture = relight(maps, light, machine.level);
+    if linear { picture.linear_from(maps.model.space) } else { picture.encoded_from(maps.model.space) }
+}
+
+/// Both with as many channels as the richer one.
+fn same_channels(a: Picture, b: Picture) -> (Picture, Picture) {
+    let channels = a.channels.max(b.channels);
+    let widened = |picture: Picture| {
+        if picture.channels == channels {
+            return picture;
+        }
+        let samples = picture.samples.iter().flat_map(|&value| [value; 3]).collect();
+        Picture { channels, samples, ..picture }
+    };
+    (widened(a), widened(b))
+}
+
+fn add_errors(sum: &mut [f64], relit: &Picture, photograph: &Picture) {
+    let channels = relit.channels;
+    let pairs = relit.samples.chunks_exact(channels).zip(photograph.samples.chunks_exact(channels));
+    for (sum, (a, b)) in sum.iter_mut().zip(pairs) {
+        let error: f32 = a.iter().zip(b).map(|(a, b)| (a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).abs()).sum();
+        // Rounded to 2^-40 so that the sum is exact, hence the same in any order.
+        let fixed = (f64::from(error) / channels as f64 * (1u64 << 40) as f64).round() / (1u64 << 40) as f64;
+        *sum += fixed;
+    }
+}
+
+impl Evaluation {
+    fn mean(&self, figure: impl Fn(&PictureFigures) -> f64) -> f64 {
+        self.pictures.iter().map(figure).sum::<f64>() / self.pictures.len().max(1) as f64
+    }
+
+    fn worst(&self) -> Option<&PictureFigures> {
+        self.pictures.iter().min_by(|a, b| a.stored.psnr.total_cmp(&b.stored.psnr))
+    }
+
+    /// Mean and worst figures in words.
+    pub(crate) fn mean_words(&self) -> String {
+        let encoded = match self.linear {
+            true => format!(" ({:.2} dB on encoded values)", self.mean(|p| p.encoded.psnr)),
+            false => String::new(),
+        };
+        let worst = self.worst().map_or(String::new(), |p| format!("; worst {:.2} dB, {}", p.stored.psnr, p.name));
+        let (psnr, rmse) = (self.mean(|p| p.stored.psnr), self.mean(|p| p.stored.rmse));
+        format!("mean PSNR {psnr:.2} dB{encoded}, RMSE {rmse:.4}{worst}")
+    }
+
+    fn print(&self) {
+        let encoded = if self.linear { "  PSNR (encoded)" } else { "" };
+        println!("PSNR dB    RMSE     max  colour shift  saturation{encoded}  picture");
+        let row = |name: &str, e: [f64; 4], max: f64, encoded: f64| {
+            let encoded = if self.linear { format!("  {encoded:14.2}") } else { String::new() };
+            println!("{:7.2}  {:.4}  {max:6.3}  {:+12.4}  {:+10.4}{encoded}  {name}", e[0], e[1], e[2], e[3]);
+        };
+        let figures = |e: &PictureError| [e.psnr, e.rmse, shift(e), e.saturation_shift];
+        for p in &self.pictures {
+            row(&p.name, figures(&p.stored), p.stored.max, p.encoded.psnr);
+        }
+        let all = [0, 1, 2, 3].map(|i| self.mean(|p| figures(&p.stored)[i]));
+        let max = self.pictures.iter().fold(0.0f64, |max, p| max.max(p.stored.max));
+        row(&format!("mean of {}", self.pictures.len()), all, max, self.mean(|p| p.encoded.psnr));
+        if let Some(worst) = self.worst() {
+            let (x, y) = worst.stored.worst_pixel;
+            let at = format!("worst: {}, its largest error at pixel {x}, {y}", worst.name);
+            row(&at, figures(&worst.stored), worst.stored.max, worst.encoded.psnr);
+        }
+    }
+
+    /// The figures as JSON.
+    pub(crate) fn to_json(&self) -> Value {
+        let figures = |e: &PictureError| {
+            json!({
+                "psnr": e.psnr.is_finite().then_some(e.psnr),
+                "rmse": e.rmse,
+                "max": e.max,
+                "worst_pixel": [e.worst_pixel.0, e.worst_pixel.1],
+                "mean_shift": e.mean_shift,
+                "saturation_shift": e.saturation_shift,
+            })
+        };
+        let picture = |p: &PictureFigures| {
+            let mut value = figures(&p.stored);
+            value["name"] = json!(p.name);
+            if self.linear {
+                value["psnr_encoded"] = json!(p.encoded.psnr.is_finite().then_some(p.encoded.psnr));
+            }
+            value
+        };
+        let mean_shift = [0, 1, 2].map(|channel| self.mean(|p| p.stored.mean_shift[channel]));
+        let mut mean = json!({
+            "psnr": Some(self.mean(|p| p.stored.psnr)).filter(|v| v.is_finite()),
+            "rmse": self.mean(|p| p.stored.rmse),
+            "max": self.mean(|p| p.stored.max),
+            "mean_shift": mean_shift,
+            "saturation_shift": self.mean(|p| p.stored.saturation_shift),
+        });
+        if self.linear {
+            mean["psnr_encoded"] = json!(Some(self.mean(|p| p.encoded.psnr)).filter(|v| v.is_finite()));
+        }
+        json!({
+            "values": if self.linear { "linear" } else { "encoded" },
+            "pictures": self.pictures.iter().map(picture).collect::<Vec<_>>(),
+            "mean": mean,
+            "worst": self.worst().map(picture),
+        })
+    }
+
+    /// The mean error of each pixel in colours of a fixed scale.
+    fn heatmap(&self) -> Picture {
+        let samples = self.mean_error.samples.iter().flat_map(|&error| heat(error / HEATMAP_FULL)).collect();
+        Picture { channels: 3, samples, ..self.mean_error }
+    }
+}
+
+/// Mean over the channels of the mean difference, relit minus photograph.
+fn shift(error: &PictureError) -> f64 {
+    error.mean_shift.iter().sum::<f64>() / 3.0
+}
+
+/// Black, blue, red, yellow, white from 0 to 1.
+fn heat(value: f32) -> [f32; 3] {
+    const STOPS: [[f32; 3]; 5] =
+        [[0.0, 0.0, 0.0], [0.15, 0.1, 0.6], [0.85, 0.15, 0.2], [1.0, 0.85, 0.2], [1.0, 1.0, 1.0]];
+    let at = value.clamp(0.0, 1.0) * 4.0;
+    let stop = (at as usize).min(3);
+    let between = at - stop as f32;
+    std::array::from_fn(|c| STOPS[stop][c] + (STOPS[stop + 1][c] - STOPS[stop][c]) * between)
+}

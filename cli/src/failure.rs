@@ -1,0 +1,97 @@
+//! Failures in words, once, and the exit codes.
+
+use relight_core::BasisError;
+use relight_fit::FitError;
+use relight_formats::FormatError;
+use std::error::Error;
+use std::fmt::Write as _;
+use std::process::ExitCode;
+
+/// The text of the codes in `--help`; [`Exit`] is their definition.
+pub(crate) const EXIT_CODES: &str = "Exit codes: 0 done, 1 a check failed, 2 usage, 3 bad input, 4 input/output, \
+5 over budget (memory), 6 unsupported on this machine, 70 a bug of ours, 130 interrupted";
+
+/// Exit codes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Exit {
+    /// A check failed: a capture that a bake would refuse.
+    CheckFailed = 1,
+    /// A command line or job file that can't be meant.
+    Usage = 2,
+    /// A file that is damaged or does not fit.
+    BadInput = 3,
+    /// The operating system refused to read or write.
+    InputOutput = 4,
+    /// More memory than allowed.
+    OverBudget = 5,
+    /// An instruction set that this machine lacks.
+    Unsupported = 6,
+    /// A bug of ours.
+    Bug = 70,
+    /// Ctrl-C or a termination signal.
+    Interrupted = 130,
+}
+
+/// Why a command ended early.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    exit: Exit,
+    message: String,
+}
+
+impl Failure {
+    pub(crate) fn new(exit: Exit, message: impl Into<String>) -> Self {
+        Self { exit, message: message.into() }
+    }
+
+    /// A wrong command line.
+    pub(crate) fn usage(message: impl Into<String>) -> Self {
+        Self::new(Exit::Usage, message)
+    }
+
+    /// Says why on standard error and gives the exit code.
+    pub(crate) fn report(&self) -> ExitCode {
+        eprintln!("relight: error: {}", self.message);
+        ExitCode::from(self.exit as u8)
+    }
+}
+
+/// An error and its causes, joined by colons.
+fn words(error: &dyn Error) -> String {
+    let mut words = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let _ = write!(words, ": {error}");
+        cause = error.source();
+    }
+    words
+}
+
+impl From<FormatError> for Failure {
+    fn from(error: FormatError) -> Self {
+        let exit = match error {
+            FormatError::Io { .. } => Exit::InputOutput,
+            FormatError::TooLarge { .. } => Exit::OverBudget,
+            FormatError::Cancelled => Exit::Interrupted,
+            _ => Exit::BadInput,
+        };
+        Self::new(exit, words(&error))
+    }
+}
+
+impl From<FitError> for Failure {
+    fn from(error: FitError) -> Self {
+        let exit = match error {
+            FitError::Stack(_) => Exit::InputOutput,
+            FitError::NoLights => Exit::BadInput,
+            _ => Exit::Usage,
+        };
+        Self::new(exit, words(&error))
+    }
+}
+
+impl From<BasisError> for Failure {
+    fn from(error: BasisError) -> Self {
+        Self::usage(words(&error))
+    }
+}

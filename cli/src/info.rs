@@ -1,0 +1,32 @@
+//! `relight info`: what is in a file.
+
+use crate::failure::Failure;
+use clap::Args;
+use relight_formats::describe;
+use std::path::PathBuf;
+
+/// The file to describe.
+#[derive(Args, Debug)]
+pub(crate) struct InfoArguments {
+    /// An asset (.ktx2, .exr, .ptm), a picture or a light file
+    file: PathBuf,
+    /// Print JSON instead of lines
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the subcommand.
+pub(crate) fn run(arguments: &InfoArguments) -> Result<(), Failure> {
+    let facts = describe(&arguments.file)?;
+    if arguments.json {
+        let object: serde_json::Map<String, serde_json::Value> =
+            facts.into_iter().map(|(name, value)| (name, value.into())).collect();
+        println!("{:#}", serde_json::Value::Object(object));
+        return Ok(());
+    }
+    let width = facts.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
+    for (name, value) in facts {
+        println!("{name:width$}  {value}");
+    }
+    Ok(())
+}

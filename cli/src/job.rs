@@ -1,0 +1,140 @@
+//! Job files: TOML that says what the flags of `relight bake` say.
+//!
+//! A job file is turned into arguments that stand before the user's own, so every flag has its
+//! key, each value goes through the flag's own parser, and flags win. Paths in a job file are
+//! relative to its folder.
+
+use crate::bake::BakeArguments;
+use crate::failure::{Exit, Failure};
+use clap::{Arg, Args, Command};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+/// Keys whose values are paths.
+const PATHS: [&str; 3] = ["input", "output", "report"];
+
+/// Keys of which a flag of the user's replaces all others.
+const SIZES: [&str; 3] = ["k", "order", "degree"];
+
+/// Replaces a job file among the arguments of `bake` by what it says.
+///
+/// # Errors
+/// A job file that can't be read, is no TOML, has an unknown key or a value that is no text, number
+/// or truth value.
+pub(crate) fn expand(arguments: Vec<OsString>) -> Result<Vec<OsString>, Failure> {
+    let is_bake = arguments.get(1).is_some_and(|command| command == "bake");
+    let is_job = |argument: &OsString| {
+        Path::new(argument).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
+    };
+    let Some(at) = arguments.iter().skip(2).position(is_job).map(|at| at + 2).filter(|_| is_bake) else {
+        return Ok(arguments);
+    };
+    let path = PathBuf::from(&arguments[at]);
+    let text = relight_formats::read_text(&path)?;
+    let given: Vec<OsString> =
+        arguments[2..].iter().enumerate().filter(|(i, _)| i + 2 != at).map(|(_, a)| a.clone()).collect();
+    let from_job = arguments_of_job(&text, &path, &given)?;
+    Ok(arguments[..2].iter().cloned().chain(from_job).chain(given).collect())
+}
+
+/// The arguments that a job file stands for, less those that `given` replace.
+fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<OsString>, Failure> {
+    let bad = |what: String| Failure::new(Exit::BadInput, format!("{}: {what}", path.display()));
+    let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
+        let line = error.span().map_or(0, |span| text[..span.start].lines().count().max(1));
+        bad(format!("line {line}: {}", error.message().replace('\n', " ")))
+    })?;
+    let command = BakeArguments::augment_args(Command::new("bake"));
+    let keys: Vec<(&Arg, &str)> = command.get_arguments().map(|arg| (arg, arg.get_id().as_str())).collect();
+    let sized = given.iter().any(|argument| {
+        let argument = argument.to_string_lossy();
+        SIZES.iter().any(|size| argument.starts_with(&format!("--{size}")) || argument.starts_with("-k"))
+    });
+    let mut arguments = Vec::new();
+    for (key, value) in &table {
+        let id = key.replace('-', "_");
+        let Some((arg, _)) = keys.iter().find(|(_, name)| *name == id) else {
+            return Err(bad(unknown_key(key, keys.iter().map(|(_, name)| *name))));
+        };
+        if sized && SIZES.contains(&key.as_str()) {
+            continue;
+        }
+        let mut text = match value {
+            toml::Value::String(text) => text.clone(),
+            toml::Value::Integer(number) => number.to_string(),
+            toml::Value::Float(number) => number.to_string(),
+            toml::Value::Boolean(truth) if !arg.get_action().takes_values() => {
+                if *truth {
+                    arguments.push(format!("--{key}").into());
+                }
+                continue;
+            }
+            other => {
+                let kind = other.type_str();
+                return Err(bad(format!("key '{key}' holds a {kind}; write text or a number")));
+            }
+        };
+        let is_light_file = key == "holdout" && text.to_ascii_lowercase().ends_with(".lp");
+        if PATHS.contains(&key.as_str()) || is_light_file {
+            text = path.parent().unwrap_or(Path::new("")).join(text).to_string_lossy().into_owned();
+        }
+        match arg.get_long() {
+            // One argument, so that a value starting with a dash stays a value.
+            Some(long) => arguments.push(format!("--{long}={text}").into()),
+            None => arguments.push(text.into()),
+        }
+    }
+    if !table.contains_key("input") {
+        return Err(bad("key 'input' is missing; name the .lp file or the folder of pictures".to_owned()));
+    }
+    Ok(arguments)
+}
+
+/// An unknown key in words, with the key that was perhaps meant.
+fn unknown_key<'a>(key: &str, known: impl Iterator<Item = &'a str>) -> String {
+    let known: Vec<String> = known.map(|name| name.replace('_', "-")).collect();
+    let distance = |name: &&String| strsim::damerau_levenshtein(key, name);
+    match known.iter().min_by_key(distance) {
+        Some(near) if strsim::damerau_levenshtein(key, near) <= 3 => {
+            format!("unknown key '{key}'; did you mean '{near}'?")
+        }
+        _ => format!("unknown key '{key}'; known keys: {}", known.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn expanded(text: &str, given: &[&str]) -> Result<Vec<String>, Failure> {
+        let given: Vec<OsString> = given.iter().map(OsString::from).collect();
+        let arguments = arguments_of_job(text, Path::new("jobs/a.toml"), &given)?;
+        Ok(arguments.into_iter().map(|a| a.into_string().unwrap()).collect())
+    }
+
+    #[test]
+    fn keys_become_flags_and_paths_are_relative_to_the_job() {
+        let arguments =
+            expanded("input = 'icon 72'\noutput = 'x.ktx2'\nk = 25\nridge = 1e-4\nholdout = 'every:6'", &[]).unwrap();
+        let sep = std::path::MAIN_SEPARATOR;
+        assert!(arguments.contains(&format!("jobs{sep}icon 72")), "{arguments:?}");
+        for expected in [&format!("--output=jobs{sep}x.ktx2"), "--k=25", "--ridge=0.0001", "--holdout=every:6"] {
+            assert!(arguments.iter().any(|a| a == expected), "{expected} in {arguments:?}");
+        }
+    }
+
+    #[test]
+    fn a_size_flag_replaces_every_size_key() {
+        let arguments = expanded("input = 'a'\nk = 25", &["--order", "3"]).unwrap();
+        assert!(!arguments.iter().any(|a| a.starts_with("--k")), "{arguments:?}");
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let words = |text: &str| format!("{:?}", expanded(text, &[]).unwrap_err());
+        assert!(words("input = 'a'\nbassis = 'sh'").contains("did you mean 'basis'?"));
+        assert!(words("basis = 'sh'").contains("'input' is missing"));
+        assert!(words("input = 'a'\nk = [1]").contains("holds a array"));
+        assert!(words("input = 'a'\n\nk = = 2").contains("line 3"));
+    }
+}

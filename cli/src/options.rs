@@ -1,0 +1,95 @@
+//! Options that several subcommands share.
+
+use crate::failure::{Exit, Failure};
+use clap::Args;
+use relight_core::CpuLevel;
+use std::str::FromStr;
+
+/// How much of the machine to use.
+#[derive(Args, Debug)]
+pub(crate) struct MachineOptions {
+    /// Memory to stay within, such as 800M or 2G; half of the machine's by default
+    #[arg(long, value_name = "SIZE")]
+    memory: Option<MemorySize>,
+    /// Threads; all cores by default. Results do not depend on it
+    #[arg(short = 'j', long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    /// Instruction set: auto, baseline, avx2 or avx512. Results do not depend on it
+    #[arg(long, value_name = "LEVEL", default_value = "auto")]
+    cpu: String,
+}
+
+/// The machine as a command uses it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Machine {
+    /// Bytes to stay within.
+    pub(crate) memory: u64,
+    /// Threads.
+    pub(crate) threads: usize,
+    /// Instruction set.
+    pub(crate) level: CpuLevel,
+}
+
+impl MachineOptions {
+    /// Reads the options and sets the number of threads for all that follows.
+    pub(crate) fn machine(&self) -> Result<Machine, Failure> {
+        let level = CpuLevel::from_str(&self.cpu).map_err(|e| Failure::new(Exit::Unsupported, e.to_string()))?;
+        let threads = match self.jobs {
+            Some(jobs) => usize::from(jobs),
+            None => std::thread::available_parallelism().map_or(1, usize::from),
+        };
+        // Fails only when a pool exists already, as in a second call of this program's parts.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        let memory = self.memory.map_or_else(|| relight_formats::machine_memory() / 2, |size| size.0);
+        Ok(Machine { memory, threads, level })
+    }
+}
+
+/// A number of bytes: digits with K, M, G or T (powers of 1024), `iB` or `B` after them allowed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MemorySize(pub(crate) u64);
+
+impl FromStr for MemorySize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let refused = || format!("'{text}' is not a size; write a number with K, M, G or T, such as 800M");
+        let lower = text.trim().to_ascii_lowercase();
+        let number = lower.trim_end_matches("ib").trim_end_matches('b');
+        let (digits, unit) = match number.char_indices().last() {
+            Some((at, unit)) if unit.is_ascii_alphabetic() => (&number[..at], unit),
+            _ => (number, ' '),
+        };
+        let shift = match unit {
+            ' ' => 0,
+            'k' => 10,
+            'm' => 20,
+            'g' => 30,
+            't' => 40,
+            _ => return Err(refused()),
+        };
+        let number: f64 = digits.trim().parse().map_err(|_| refused())?;
+        let bytes = number * (1u64 << shift) as f64;
+        if !(bytes >= (1 << 20) as f64 && bytes < (1u64 << 50) as f64) {
+            return Err(format!("{text} is outside 1M..1024T"));
+        }
+        Ok(Self(bytes as u64))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_powers_of_1024() {
+        for (text, bytes) in
+            [("800M", 800 << 20), ("2G", 2u64 << 30), ("1.5g", 3 << 29), ("4194304", 4 << 20), ("64MiB", 64 << 20)]
+        {
+            assert_eq!(text.parse(), Ok(MemorySize(bytes)), "{text}");
+        }
+        for text in ["", "G", "-1G", "2X", "nan", "1k", "inf", "1e40"] {
+            assert!(text.parse::<MemorySize>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! `relight render`: golden pictures of an asset under new lights.
+
+use crate::failure::Failure;
+use crate::options::{Machine, MachineOptions};
+use crate::{interrupt, notes, progress};
+use clap::{Args, ValueEnum};
+use relight_core::relighter::{relight, relight_linear, DirectionalLight, Picture};
+use relight_core::{Direction, RelightingMaps, Space};
+use relight_formats::{picture_depths, read_asset, read_light_file, write_picture, PictureDepth};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// What to render.
+#[derive(Args, Debug)]
+#[group(id = "render")]
+pub(crate) struct RenderArguments {
+    /// The asset: .ktx2, .exr or .ptm
+    asset: PathBuf,
+    /// The picture to write (.png or .exr), or with --lights the folder
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// A directional light: the vector towards it (x right, y up, z to the camera), then if
+    /// wanted its linear colour; several lights add up
+    #[arg(long, value_name = "X,Y,Z[,R,G,B]", allow_hyphen_values = true, value_parser = light_of_vector)]
+    light: Vec<DirectionalLight>,
+    /// The same by angles in degrees: azimuth counter-clockwise from the right, elevation above
+    /// the picture plane
+    #[arg(long, value_name = "AZ,EL[,R,G,B]", allow_hyphen_values = true, value_parser = light_of_angles)]
+    angles: Vec<DirectionalLight>,
+    /// Write a picture for each line of this .lp file
+    #[arg(long, value_name = "FILE.lp", conflicts_with_all = ["light", "angles"])]
+    lights: Option<PathBuf>,
+    /// Bits of a sample: 8 (default) or 16 in .png, half (default) or float in .exr
+    #[arg(long, value_name = "DEPTH", value_enum)]
+    depth: Option<Depth>,
+    #[command(flatten)]
+    machine: MachineOptions,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Depth {
+    #[value(name = "8")]
+    Eight,
+    #[value(name = "16")]
+    Sixteen,
+    Half,
+    Float,
+}
+
+impl Depth {
+    fn of_picture(self) -> PictureDepth {
+        match self {
+            Self::Eight => PictureDepth::U8,
+            Self::Sixteen => PictureDepth::U16,
+            Self::Half => PictureDepth::F16,
+            Self::Float => PictureDepth::F32,
+        }
+    }
+}
+
+/// Numbers separated by commas: `first` of them, then perhaps three of a colour.
+fn numbers_of(text: &str, first: usize) -> Result<(Vec<f64>, [f32; 3]), String> {
+    let numbers = text.split(',').map(|part| part.trim().parse::<f64>().map_err(|_| part.to_owned()));
+    let numbers: Vec<f64> = numbers.collect::<Result<_, _>>().map_err(|part| format!("'{part}' is not a number"))?;
+    let color = match numbers.len() {
+        n if n == first => [1.0; 3],
+        n if n == first + 3 => [0, 1, 2].map(|c| numbers[first + c] as f32),
+        n => return Err(format!("{n} numbers where {first} or, with a colour, {} are needed", first + 3)),
+    };
+    if color.iter().any(|c| !(0.0..=1e6).contains(c)) {
+        return Err("a colour component is outside 0..1e6".to_owned());
+    }
+    Ok((numbers, color))
+}
+
+fn light_of_vector(text: &str) -> Result<DirectionalLight, String> {
+    let (n, color) = numbers_of(text, 3)?;
+    let direction = Direction::new(n[0], n[1], n[2]).map_err(|error| error.to_string())?;
+    Ok(DirectionalLight { direction, color })
+}
+
+fn light_of_angles(text: &str) -> Result<DirectionalLight, String> {
+    let (n, color) = numbers_of(text, 2)?;
+    let direction = Direction::from_azimuth_elevation(n[0].to_radians(), n[1].to_radians());
+    Ok(DirectionalLight { direction: direction.map_err(|error| error.to_string())?, color })
+}
+
+/// Runs the subcommand.
+pub(crate) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
+    let machine = arguments.machine.machine()?;
+    let lights: Vec<_> = arguments.light.iter().chain(&arguments.angles).copied().collect();
+    let jobs = match &arguments.lights {
+        Some(file) => jobs_of_file(file, &arguments.output, arguments.depth)?,
+        None if lights.is_empty() => {
+            return Err(Failure::usage("no light; give --light X,Y,Z, --angles AZ,EL or --lights FILE.lp"));
+        }
+        None => vec![(arguments.output.clone(), lights)],
+    };
+    let depth = depth_for(&jobs[0].0, arguments.depth)?;
+    let maps = read_asset(&arguments.asset, machine.memory)?;
+    if arguments.lights.is_some() {
+        relight_formats::create_folder(&arguments.output)?;
+    }
+    let bar = progress::bar("rendering", jobs.len());
+    for (path, lights) in &jobs {
+        interrupt::check()?;
+        write_picture(path, &picture(&maps, lights, depth, &machine), depth)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+/// The depth that was asked for, checked against the file's extension.
+fn depth_for(path: &Path, asked: Option<Depth>) -> Result<PictureDepth, Failure> {
+    let held = picture_depths(path)?;
+    match asked.map(Depth::of_picture) {
+        None => Ok(held[0]),
+        Some(depth) if held.contains(&depth) => Ok(depth),
+        Some(_) => Err(Failure::usage(format!(
+            "{} can't hold that --depth; .png has 8 and 16, .exr has half and float",
+            path.display()
+        ))),
+    }
+}
+
+/// A picture's path and its lights.
+type Job = (PathBuf, Vec<DirectionalLight>);
+
+/// One picture for each line of a light file, named as the line names it.
+fn jobs_of_file(file: &Path, folder: &Path, depth: Option<Depth>) -> Result<Vec<Job>, Failure> {
+    let file = read_light_file(file)?;
+    notes::print(&file.notes);
+    let extension = match depth {
+        Some(Depth::Half | Depth::Float) => "exr",
+        _ => "png",
+    };
+    let mut taken = HashSet::new();
+    let jobs = file.entries.iter().map(|entry| {
+        let base = entry.name.rsplit(['/', '\\']).next().unwrap_or("light");
+        let stem = base.rsplit_once('.').map_or(base, |(stem, _)| stem);
+        let mut name = format!("{stem}.{extension}");
+        if !taken.insert(name.to_lowercase()) {
+            name = format!("{stem}_line{}.{extension}", entry.line);
+            taken.insert(name.to_lowercase());
+        }
+        (folder.join(name), vec![DirectionalLight { direction: entry.direction, color: [1.0; 3] }])
+    });
+    Ok(jobs.collect())
+}
+
+/// The picture in the space that files of `depth` hold.
+fn picture(maps: &RelightingMaps, lights: &[DirectionalLight], depth: PictureDepth, machine: &Machine) -> Picture {
+    match lights {
+        // One white light on encoded values needs no way to linear light and back.
+        [light] if light.color == [1.0; 3] && !depth.is_linear() => {
+            relight(maps, light.direction, machine.level).encoded_from(maps.model.space)
+        }
+        _ => {
+            let linear = relight_linear(maps, lights, machine.level);
+            if depth.is_linear() { linear } else { linear.encoded_from(Space::Linear) }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lights_are_read_with_and_without_color() {
+        let light = light_of_vector("-3, 0,4,1,.5,0").unwrap();
+        assert_eq!(light.direction.components(), [-0.6, 0.0, 0.8]);
+        assert_eq!(light.color, [1.0, 0.5, 0.0]);
+        let light = light_of_angles("90,30").unwrap();
+        assert!((light.direction.y() - libm_cos_30()).abs() < 1e-15 && light.direction.x().abs() < 1e-15);
+        assert_eq!(light.color, [1.0; 3]);
+        for text in ["0,0,0", "1,2", "1,2,3,4", "1,2,x", "nan,0,1", "0,0,1,-1,0,0", "0,0,1,inf,0,0"] {
+            assert!(light_of_vector(text).is_err(), "{text}");
+        }
+    }
+
+    fn libm_cos_30() -> f64 {
+        0.75f64.sqrt()
+    }
+}

@@ -1,0 +1,47 @@
+//! What can go wrong in a fit.
+
+use relight_core::StackError;
+use std::fmt;
+
+/// Why a fit was not made.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum FitError {
+    /// No light at all.
+    NoLights,
+    /// A ridge below 0, infinite or NaN.
+    Ridge {
+        /// The value.
+        ridge: f64,
+    },
+    /// LRGB was asked for pictures of one channel.
+    GreyHasNoColor,
+    /// The pictures could not be read back.
+    Stack(StackError),
+}
+
+impl fmt::Display for FitError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoLights => write!(f, "a fit needs at least 1 light; the light set has 0"),
+            Self::Ridge { ridge } => write!(f, "ridge {ridge} is outside 0..1; give a value in that range or 'auto'"),
+            Self::GreyHasNoColor => write!(f, "the pictures are grey, so there is no base colour to store; use --color rgb"),
+            Self::Stack(error) => write!(f, "{error}"),
+        }
+    }
+}
+
+impl std::error::Error for FitError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Stack(error) => error.source(),
+            _ => None,
+        }
+    }
+}
+
+impl From<StackError> for FitError {
+    fn from(error: StackError) -> Self {
+        Self::Stack(error)
+    }
+}

@@ -1,0 +1,90 @@
+//! The fit: one k x N matrix for all pixels.
+//!
+//! Source: Wong et al., *Lighting Precomputation Using the Relighting Map*, eq. 1; the
+//! pseudo-inverse by singular values in f64 with a ridge (docs/stability.md says why).
+
+use crate::{Decomposition, FitError, LeaveOneOut, LightWeights, Sample};
+use relight_core::{Basis, Direction, FitFigures};
+
+/// How strongly coefficients are held small, as a part of the largest singular value squared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ridge {
+    /// The family's own, or more where that predicts left-out lights better.
+    Auto,
+    /// This, 0 to 1.
+    Fixed(f64),
+}
+
+/// Ridges tried by [`Ridge::Auto`], as multiples of the family's, up to `LARGEST`.
+const STEP: f64 = 10.0;
+
+/// The largest ridge that [`Ridge::Auto`] takes.
+const LARGEST: f64 = 0.1;
+
+/// A larger ridge must predict left-out lights better by this factor to be taken: below that the
+/// difference is noise, and the larger ridge blurs.
+const WORTH: f64 = 0.99;
+
+/// The solved fit of a basis to a light set.
+#[derive(Clone, Debug)]
+pub struct LeastSquares {
+    /// Functions of light.
+    pub basis: Basis,
+    /// The basis on the lights.
+    pub decomposition: Decomposition,
+    /// The ridge that was taken, relative to the largest singular value squared.
+    pub ridge: f64,
+    /// k x N, row-major: coefficients = solution x values.
+    pub solution: Vec<f64>,
+    /// Errors of each light on the sample.
+    pub leave_one_out: LeaveOneOut,
+    /// The same over all lights.
+    pub figures: FitFigures,
+}
+
+impl LeastSquares {
+    /// Fits `argmin_c |W^(1/2) (A c - y)|^2 + ridge s0^2 |c|^2`, where `A[i][j] = b_j(light i)` is
+    /// shared by all pixels, so that `c = solution x y`.
+    ///
+    /// # Errors
+    /// [`FitError::NoLights`], or [`FitError::Ridge`] for a ridge outside 0..1.
+    pub fn new(
+        basis: Basis,
+        directions: &[Direction],
+        weighting: LightWeights,
+        ridge: Ridge,
+        sample: &Sample,
+    ) -> Result<Self, FitError> {
+        let decomposition = Decomposition::new(&basis, directions, weighting)?;
+        let judge = |ridge: f64| {
+            let solution = decomposition.solution(ridge);
+            let errors = LeaveOneOut::of(&decomposition, &solution, sample);
+            let mean = LeaveOneOut::mean(&errors.left_out, &decomposition.weights);
+            (ridge, solution, errors, mean)
+        };
+        let (ridge, solution, leave_one_out, mean) = match ridge {
+            Ridge::Fixed(ridge) if !(0.0..=1.0).contains(&ridge) => return Err(FitError::Ridge { ridge }),
+            Ridge::Fixed(ridge) => judge(ridge),
+            Ridge::Auto => {
+                let mut best = judge(basis.family().ridge);
+                let mut ridge = best.0 * STEP;
+                while ridge <= LARGEST {
+                    let tried = judge(ridge);
+                    if tried.3 < WORTH * best.3 {
+                        best = tried;
+                    }
+                    ridge *= STEP;
+                }
+                best
+            }
+        };
+        let fit_rmse = LeaveOneOut::mean(&leave_one_out.fit, &decomposition.weights);
+        let figures = FitFigures { fit_rmse, leave_one_out_rmse: mean };
+        Ok(Self { basis, decomposition, ridge, solution, leave_one_out, figures })
+    }
+
+    /// The solution in f32, as the kernel takes it.
+    pub fn solution_f32(&self) -> Vec<f32> {
+        self.solution.iter().map(|&value| value as f32).collect()
+    }
+}

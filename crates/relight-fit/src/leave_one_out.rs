@@ -1,0 +1,110 @@
+//! How well each picture is predicted from all others, in closed form.
+
+use crate::{Decomposition, Sample};
+
+/// A leverage this close to 1 means that a light is fitted by itself alone: nothing predicts it.
+const FULL_LEVERAGE: f64 = 1.0 - 1e-9;
+
+/// Errors of a fit on a [`Sample`], one a light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeaveOneOut {
+    /// Root mean square error of each picture in the fit of all.
+    pub fit: Vec<f64>,
+    /// Root mean square error of each picture predicted from all others; infinite where no other
+    /// light says anything about it.
+    pub left_out: Vec<f64>,
+    /// Diagonal of the hat matrix: how much of each picture's own value its fit is, 0..1.
+    pub leverage: Vec<f64>,
+}
+
+/// A picture that does not fit its light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Misfit {
+    /// Index of the light.
+    pub light: usize,
+    /// Its left-out error.
+    pub rmse: f64,
+    /// Median of its nearest lights' left-out errors.
+    pub expected: f64,
+    /// The light whose direction suits the picture best, if that is another one and it suits
+    /// much better: a swapped name.
+    pub better: Option<usize>,
+}
+
+impl LeaveOneOut {
+    /// The errors of `solution` (k x N) on `sample`.
+    ///
+    /// Leaving light i out changes its residual r_i to r_i / (1 - h_ii), h the hat matrix; the
+    /// weights of the others stay as they are. Source: Allen, *The relationship between variable
+    /// selection and data augmentation* (PRESS), 1974.
+    ///
+    /// # Panics
+    /// When `sample` is of another number of lights.
+    pub fn of(decomposition: &Decomposition, solution: &[f64], sample: &Sample) -> Self {
+        let lights = decomposition.lights;
+        assert_eq!(lights, sample.lights, "sample of another light set");
+        let hat = decomposition.hat(solution);
+        let (mut fit, mut left_out, mut leverage) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, row) in hat.chunks_exact(lights).enumerate() {
+            let mut residual: Vec<f64> = row.iter().map(|h| -h).collect();
+            residual[i] += 1.0;
+            let rms = sample.rms(&residual);
+            fit.push(rms);
+            leverage.push(row[i]);
+            left_out.push(if row[i] > FULL_LEVERAGE { f64::INFINITY } else { rms / (1.0 - row[i]) });
+        }
+        Self { fit, left_out, leverage }
+    }
+
+    /// Root mean square of `errors` over the lights, each with its weight (mean 1).
+    pub fn mean(errors: &[f64], weights: &[f64]) -> f64 {
+        let sum: f64 = errors.iter().zip(weights).map(|(e, w)| w * e * e).sum();
+        (sum / errors.len().max(1) as f64).sqrt()
+    }
+
+    /// Pictures whose left-out error stands out from their neighbours' on the sphere.
+    ///
+    /// `neighbours[i]` lists the lights nearest to light i. A picture is reported when its error
+    /// is more than `FACTOR` times the median of its neighbours' and of all lights'.
+    pub fn misfits(
+        &self,
+        decomposition: &Decomposition,
+        solution: &[f64],
+        sample: &Sample,
+        neighbours: &[Vec<usize>],
+    ) -> Vec<Misfit> {
+        /// Photographs of the corpus stay below 1.9; a swapped pair reaches 2.5 and more.
+        const FACTOR: f64 = 2.2;
+        let overall = median(self.left_out.clone());
+        let flagged = (0..self.left_out.len()).filter_map(|i| {
+            let near = median(neighbours[i].iter().map(|&j| self.left_out[j]).collect());
+            let expected = near.max(overall);
+            let rmse = self.left_out[i];
+            (rmse.is_finite() && rmse > FACTOR * expected && rmse > 1e-6).then_some((i, rmse, expected))
+        });
+        let hat = decomposition.hat(solution);
+        let lights = decomposition.lights;
+        flagged
+            .map(|(light, rmse, expected)| {
+                // The error of predicting this picture with another light's direction.
+                let error_at = |other: usize| {
+                    let mut residual: Vec<f64> = hat[other * lights..][..lights].iter().map(|h| -h).collect();
+                    residual[light] += 1.0;
+                    sample.rms(&residual)
+                };
+                let best = (0..lights)
+                    .filter(|&other| other != light)
+                    .map(|other| (other, error_at(other)))
+                    .min_by(|a, b| a.1.total_cmp(&b.1));
+                let better = best.filter(|(_, error)| *error < 0.6 * rmse).map(|(other, _)| other);
+                Misfit { light, rmse, expected, better }
+            })
+            .collect()
+    }
+}
+
+/// The middle value; 0 for none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}

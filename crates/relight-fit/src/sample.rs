@@ -1,0 +1,130 @@
+//! A bounded sample of pixels, by which a fit is judged in closed form.
+
+use relight_core::{Stack, StackError};
+use rayon::prelude::*;
+
+/// Pixels side by side in a run: a spilled picture is read a run at a time.
+const RUN: usize = 16;
+
+/// Runs of a sample; 16,384 pixels decide a ridge as well as a million do.
+const RUNS: usize = 1024;
+
+/// The inner products of all pictures over a sample of pixels.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// Number of pictures N.
+    pub lights: usize,
+    /// Samples (pixels x channels) that were taken.
+    pub count: usize,
+    /// N x N, row-major: `gram[i][j] = mean over samples of value_i * value_j`.
+    pub gram: Vec<f64>,
+}
+
+/// First pixel of each run: one at a place of its own in each of `RUNS` equal parts of the picture.
+fn run_starts(pixels: usize) -> Vec<usize> {
+    if pixels <= RUN * RUNS {
+        return (0..pixels).step_by(RUN).collect();
+    }
+    let part = pixels as f64 / RUNS as f64;
+    // The golden ratio's multiples keep the places from lining up with the picture's rows.
+    let place = |i: usize| (i as f64 * 0.618_033_988_749_894_9).fract() * (part - RUN as f64);
+    (0..RUNS).map(|i| (i as f64 * part + place(i)) as usize).collect()
+}
+
+impl Sample {
+    /// Takes up to 16,384 pixels of `stack` in runs spread over the picture, the same for every
+    /// stack of that size.
+    ///
+    /// # Errors
+    /// [`StackError`] when a picture can't be read back.
+    pub fn of(stack: &dyn Stack) -> Result<Self, StackError> {
+        let (lights, channels) = (stack.lights(), stack.channels());
+        let starts = run_starts(stack.pixels());
+        let mut values = vec![Vec::new(); lights];
+        for start in starts {
+            let pixels = RUN.min(stack.pixels() - start);
+            let rows = stack.rows(start * channels..(start + pixels) * channels)?;
+            for (light, values) in values.iter_mut().enumerate() {
+                let before = values.len();
+                values.resize(before + pixels * channels, 0.0f32);
+                rows.copy(light, 0, &mut values[before..]);
+            }
+        }
+        Ok(Self::from_values(&values))
+    }
+
+    /// The sample of pictures given as equally long rows of values.
+    ///
+    /// # Panics
+    /// When the rows differ in length.
+    pub fn from_values(values: &[Vec<f32>]) -> Self {
+        let lights = values.len();
+        let count = values.first().map_or(0, Vec::len);
+        assert!(values.iter().all(|row| row.len() == count), "rows of different lengths");
+        let mut gram = vec![0.0; lights * lights];
+        gram.par_chunks_mut(lights.max(1)).enumerate().for_each(|(i, row)| {
+            for (j, product) in row.iter_mut().enumerate().skip(i) {
+                *product = inner_product(&values[i], &values[j]) / count.max(1) as f64;
+            }
+        });
+        for i in 0..lights {
+            for j in 0..i {
+                gram[i * lights + j] = gram[j * lights + i];
+            }
+        }
+        Self { lights, count, gram }
+    }
+
+    /// Root mean square over the sample of `sum over i of combination[i] * picture i`.
+    pub fn rms(&self, combination: &[f64]) -> f64 {
+        let mut square = 0.0;
+        for (row, a) in self.gram.chunks_exact(self.lights.max(1)).zip(combination) {
+            let inner: f64 = row.iter().zip(combination).map(|(g, b)| g * b).sum();
+            square += a * inner;
+        }
+        // Rounding may leave -1e-18 where the true value is 0.
+        square.max(0.0).sqrt()
+    }
+}
+
+/// Sum of products in f64, in eight interleaved sums of fixed order.
+fn inner_product(a: &[f32], b: &[f32]) -> f64 {
+    let mut sums = [0.0f64; 8];
+    let (chunks_a, chunks_b) = (a.chunks_exact(8), b.chunks_exact(8));
+    let tail: f64 =
+        chunks_a.remainder().iter().zip(chunks_b.remainder()).map(|(x, y)| f64::from(*x) * f64::from(*y)).sum();
+    for (x, y) in chunks_a.zip(chunks_b) {
+        for lane in 0..8 {
+            sums[lane] += f64::from(x[lane]) * f64::from(y[lane]);
+        }
+    }
+    sums.iter().sum::<f64>() + tail
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_stay_apart_and_inside() {
+        for pixels in [1, 15, 16, 17, 16_384, 16_385, 1_000_003] {
+            let starts = run_starts(pixels);
+            assert!(starts.windows(2).all(|w| w[1] >= w[0] + RUN), "{pixels}");
+            let last = *starts.last().unwrap();
+            assert!(last < pixels && (pixels <= RUN * RUNS || last + RUN <= pixels), "{pixels}");
+        }
+    }
+
+    #[test]
+    fn the_gram_matrix_gives_the_rms_of_any_combination() {
+        let rows: Vec<Vec<f32>> =
+            (0..3).map(|i| (0..101).map(|x| ((x * (i + 2)) % 17) as f32 * 0.1 - 0.3).collect()).collect();
+        let sample = Sample::from_values(&rows);
+        let combination = [0.5, -1.25, 2.0];
+        let direct: f64 = (0..101)
+            .map(|x| (0..3).map(|i| combination[i] * f64::from(rows[i][x])).sum::<f64>().powi(2))
+            .sum::<f64>()
+            / 101.0;
+        assert!((sample.rms(&combination) - direct.sqrt()).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,223 @@
+//! `.exr`: the writer of OpenEXR files with a layer for each function.
+//!
+//! One part, channels `layer.R`, `layer.G`, `layer.B` or `layer.Y`, ZIP compression. Each block of
+//! 16 rows is compressed by the thread that completes it; the file is written when all are there.
+
+use super::document;
+use super::{AssetHeader, AssetWriter, assert_shape, check_memory, plane_names};
+use crate::{FormatError, OutputFile};
+use exr::block::chunk::Chunk;
+use exr::block::writer::ChunksWriter;
+use exr::block::{BlockIndex, UncompressedBlock};
+use exr::meta::BlockDescription;
+use exr::meta::header::Header;
+use exr::prelude::{AttributeValue, ChannelDescription, Compression, LineOrder, SampleType, Text, Vec2};
+use half::f16;
+use relight_core::{CoefficientSpan, Layout};
+use relight_texture::{Precision, Range};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+/// The largest width and height: OpenEXR counts in i32.
+const LARGEST_SIZE: usize = i32::MAX as usize;
+
+/// One block of rows on its way to the file.
+enum Block {
+    /// Rows of channels in the file's order, and the number of pixels that are still to come.
+    Filling { bytes: Vec<u8>, missing: usize },
+    /// Compressed.
+    Done(Chunk),
+}
+
+struct ExrWriter {
+    header: AssetHeader,
+    exr: Header,
+    /// The plane of each channel in the order of the file, which sorts channels by name.
+    planes: Vec<usize>,
+    names: Vec<String>,
+    blocks: Vec<Mutex<Block>>,
+    file: OutputFile,
+}
+
+/// Starts an `.exr` asset; see [`super::AssetFormat::create`].
+pub(super) fn create(
+    path: &Path,
+    header: AssetHeader,
+    _ranges: &[Range],
+    memory_limit: u64,
+) -> Result<Box<dyn AssetWriter>, FormatError> {
+    let (width, height) = (header.width, header.height);
+    if width > LARGEST_SIZE || height > LARGEST_SIZE {
+        let problem = format!("{width} x {height} is outside 1..{LARGEST_SIZE} of OpenEXR; write .ktx2");
+        return Err(FormatError::invalid(path, problem));
+    }
+    check_memory(path, &header, memory_limit)?;
+    let names = plane_names(&header.model);
+    let mut planes: Vec<usize> = (0..names.len()).collect();
+    planes.sort_by(|&a, &b| names[a].as_bytes().cmp(names[b].as_bytes()));
+    let text = document::text_of(path, &header.model, None)?;
+    let exr = exr_header(&header, planes.iter().map(|&plane| names[plane].as_str()), &text);
+    let file = OutputFile::create(path)?;
+    let rows = exr.compression.scan_lines_per_block();
+    let block = |first: usize| {
+        let missing = rows.min(height - first) * width;
+        Mutex::new(Block::Filling { bytes: Vec::new(), missing })
+    };
+    let blocks = (0..height).step_by(rows).map(block).collect();
+    Ok(Box::new(ExrWriter { header, exr, planes, names, blocks, file }))
+}
+
+fn exr_header<'a>(asset: &AssetHeader, names: impl Iterator<Item = &'a str>, text: &str) -> Header {
+    let sample = match asset.precision {
+        Precision::F32 => SampleType::F32,
+        Precision::U8 | Precision::F16 => SampleType::F16,
+    };
+    let ascii = |text: &str| Text::from_slice_unchecked(text.as_bytes());
+    // Coefficients are no perceived brightness: lossy compressors are told so.
+    let channel = |name: &str| ChannelDescription::new(ascii(name), sample, true);
+    let size = Vec2(asset.width, asset.height);
+    let mut header = Header::new(Text::default(), size, names.map(channel).collect()).with_encoding(
+        Compression::ZIP16,
+        BlockDescription::ScanLines,
+        LineOrder::Increasing,
+    );
+    let attributes = &mut header.own_attributes;
+    attributes.layer_name = None;
+    attributes.software_name = Some(ascii(concat!("relight ", env!("CARGO_PKG_VERSION"))));
+    attributes.other.insert(ascii(document::KEY), AttributeValue::Text(ascii(text)));
+    header
+}
+
+/// The error of the exr crate as ours.
+pub(super) fn format_error(path: &Path, action: &'static str, error: exr::error::Error) -> FormatError {
+    match error {
+        exr::error::Error::Aborted => FormatError::Cancelled,
+        exr::error::Error::NotSupported(what) => {
+            FormatError::unsupported(path, format!("OpenEXR feature that relight does not read: {what}"))
+        }
+        exr::error::Error::Invalid(what) => FormatError::invalid(path, format!("damaged OpenEXR: {what}")),
+        exr::error::Error::Io(source) => FormatError::io(path, action, source),
+    }
+}
+
+impl ExrWriter {
+    fn rows_per_block(&self) -> usize {
+        self.exr.compression.scan_lines_per_block()
+    }
+
+    /// Copies pixels `start..end` of `span`, which lie in the block that begins at row `top`, to
+    /// that block's bytes.
+    fn fill(
+        &self,
+        span: &CoefficientSpan<'_>,
+        (start, end): (usize, usize),
+        top: usize,
+        bytes: &mut [u8],
+    ) -> Result<(), FormatError> {
+        let AssetHeader { width, precision, model, .. } = &self.header;
+        let (sample_bytes, functions) = (precision.bytes(), model.basis.count());
+        let mut from = start;
+        while from < end {
+            let (x, y) = ((span.first + from) % width, (span.first + from) / width);
+            let count = (width - x).min(end - from);
+            for (channel, &plane) in self.planes.iter().enumerate() {
+                let (samples, stride) = match model.layout {
+                    Layout::Rgb => (&span.functions[plane / 3 * 3 * span.pixels + plane % 3..], 3),
+                    Layout::Lrgb if plane >= functions => (&span.base_color[plane - functions..], 3),
+                    Layout::Lrgb | Layout::Grey => (&span.functions[plane * span.pixels..], 1),
+                };
+                let samples = samples[from * stride..].iter().step_by(stride).take(count);
+                let place = (((y - top) * self.planes.len() + channel) * width + x) * sample_bytes;
+                let out = bytes[place..][..count * sample_bytes].chunks_exact_mut(sample_bytes);
+                if *precision == Precision::F32 {
+                    out.zip(samples).for_each(|(out, c)| out.copy_from_slice(&c.to_ne_bytes()));
+                    continue;
+                }
+                for (out, c) in out.zip(samples) {
+                    let half = f16::from_f32(*c);
+                    if half.is_infinite() {
+                        return Err(self.too_large_for_half(plane, *c));
+                    }
+                    out.copy_from_slice(&half.to_ne_bytes());
+                }
+            }
+            from += count;
+        }
+        Ok(())
+    }
+
+    fn too_large_for_half(&self, plane: usize, coefficient: f32) -> FormatError {
+        let problem = format!(
+            "coefficient {coefficient} in channel {} exceeds the 65504 of halves; use precision f32, or \
+             write .ktx2, which scales them",
+            self.names[plane]
+        );
+        FormatError::invalid(self.file.path(), problem)
+    }
+
+    fn compress(&self, block: usize, bytes: Vec<u8>) -> Result<Chunk, FormatError> {
+        let (width, top) = (self.header.width, block * self.rows_per_block());
+        let rows = self.rows_per_block().min(self.header.height - top);
+        let index = BlockIndex {
+            layer: 0,
+            pixel_position: Vec2(0, top),
+            pixel_size: Vec2(width, rows),
+            level: Vec2(0, 0),
+        };
+        UncompressedBlock { index, data: bytes }
+            .compress_to_chunk(std::slice::from_ref(&self.exr))
+            .map_err(|e| format_error(self.file.path(), "write", e))
+    }
+}
+
+impl AssetWriter for ExrWriter {
+    fn write(&self, span: &CoefficientSpan<'_>) -> Result<(), FormatError> {
+        assert_shape(&self.header, span);
+        let (rows, height) = (self.rows_per_block(), self.header.height);
+        let block_pixels = rows * self.header.width;
+        let sample_bytes = self.header.precision.bytes();
+        let mut start = 0;
+        while start < span.pixels {
+            let index = (span.first + start) / block_pixels;
+            let end = ((index + 1) * block_pixels - span.first).min(span.pixels);
+            let mut block = self.blocks[index].lock().unwrap_or_else(PoisonError::into_inner);
+            if let Block::Filling { bytes, missing } = &mut *block {
+                if bytes.is_empty() {
+                    let pixels = rows.min(height - index * rows) * self.header.width;
+                    bytes.resize(pixels * self.planes.len() * sample_bytes, 0);
+                }
+                self.fill(span, (start, end), index * rows, bytes)?;
+                *missing = missing.saturating_sub(end - start);
+                if *missing == 0 {
+                    let bytes = std::mem::take(bytes);
+                    *block = Block::Done(self.compress(index, bytes)?);
+                }
+            }
+            start = end;
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<(), FormatError> {
+        let Self { exr, blocks, file, .. } = *self;
+        let mut chunks = Vec::with_capacity(blocks.len());
+        for (index, block) in blocks.into_iter().enumerate() {
+            match block.into_inner().unwrap_or_else(PoisonError::into_inner) {
+                Block::Done(chunk) => chunks.push(chunk),
+                Block::Filling { missing, .. } => {
+                    let problem = format!("{missing} pixels of block {index} were never written");
+                    return Err(FormatError::invalid(file.path(), problem));
+                }
+            }
+        }
+        let mut out = BufWriter::with_capacity(1 << 20, file.file());
+        exr::block::write(&mut out, [exr].into_iter().collect(), true, |_, writer| {
+            chunks.into_iter().enumerate().try_for_each(|(index, chunk)| writer.write_chunk(index, chunk))
+        })
+        .map_err(|e| format_error(file.path(), "write", e))?;
+        out.flush().map_err(|e| FormatError::io(file.path(), "write", e))?;
+        drop(out);
+        file.finish()
+    }
+}

@@ -1,0 +1,181 @@
+//! `.ptm`: what its header says, and the writer of PTM_1.2 (RGB and LRGB).
+//!
+//! Source: FORMATS.md of this project. value = (byte - bias) x scale in 0..255 units, one scale and
+//! bias a function, rows bottom-up.
+
+use super::texels::code;
+use super::{AssetHeader, AssetWriter, assert_shape, check_complete, quantizers};
+use crate::{FormatError, OutputFile};
+use relight_core::{Basis, CoefficientSpan, Layout, Model, Space};
+use relight_texture::{Quantizer, Range};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Functions of a `.ptm`: u^2, v^2, uv, u, v, 1, the order of our own degree 2.
+pub(super) const FUNCTIONS: usize = 6;
+
+/// Largest bias that is written: where a plane hardly varies around a value far from 0, steps of
+/// 1/32768 of that value are fine enough, and every reader's integers hold it.
+const LARGEST_BIAS: f64 = 32768.0;
+
+/// Why a `.ptm` can't hold a model.
+pub(super) fn refusal(model: &Model) -> Option<String> {
+    let (family, count) = (model.basis.family().name, model.basis.count());
+    if !matches!(model.basis, Basis::Ptm(_)) || count != FUNCTIONS {
+        return Some(format!(
+            "ptm holds basis ptm with {FUNCTIONS} functions, not {family} with {count}; fit --basis ptm, \
+             or write .ktx2 or .exr"
+        ));
+    }
+    (model.space != Space::Encoded).then(|| {
+        "ptm holds fits in encoded space, not linear; fit in encoded space, or write .ktx2 or .exr".to_owned()
+    })
+}
+
+struct PtmWriter {
+    header: AssetHeader,
+    /// One per function.
+    quantizers: Vec<Quantizer>,
+    /// Where the coefficients begin in the file.
+    offset: u64,
+    written: AtomicUsize,
+    file: OutputFile,
+}
+
+/// Starts a `.ptm` asset; see [`super::AssetFormat::create`].
+pub(super) fn create(
+    path: &Path,
+    header: AssetHeader,
+    ranges: &[Range],
+    _memory_limit: u64,
+) -> Result<Box<dyn AssetWriter>, FormatError> {
+    // For its check that they are finite.
+    quantizers(path, &header, ranges)?;
+    let (format, planes_per_function) = match header.model.layout {
+        Layout::Lrgb => ("PTM_FORMAT_LRGB", 1),
+        Layout::Rgb | Layout::Grey => ("PTM_FORMAT_RGB", 3),
+    };
+    let (coefficients, base) = ranges.split_at(FUNCTIONS * planes_per_function);
+    let base = base.iter().fold(Range::EMPTY, |all, &range| all.union(range));
+    // A thousandth beyond is rounding; more would be clipped unsaid.
+    if base.max > 1.001 || base.min < -0.001 {
+        let Range { min, max } = base;
+        return Err(FormatError::invalid(path, format!("base colours {min}..{max} leave 0..1 of .ptm")));
+    }
+    let scale_bias: Vec<_> = coefficients
+        .chunks(planes_per_function)
+        .map(|ranges| scale_bias_of(ranges.iter().fold(Range::EMPTY, |all, &range| all.union(range))))
+        .collect();
+    let joined = |words: Vec<String>| words.join(" ");
+    let head = format!(
+        "PTM_1.2\n{format}\n{}\n{}\n{}\n{}\n",
+        header.width,
+        header.height,
+        joined(scale_bias.iter().map(|(scale, _)| scale.to_string()).collect()),
+        joined(scale_bias.iter().map(|(_, bias)| bias.to_string()).collect()),
+    );
+    let quantizers = scale_bias.iter().map(|&(scale, bias)| quantizer_of(scale, f64::from(bias))).collect();
+    let file = OutputFile::create(path)?;
+    file.write_at(0, head.as_bytes())?;
+    let offset = head.len() as u64;
+    Ok(Box::new(PtmWriter { header, quantizers, offset, written: AtomicUsize::new(0), file }))
+}
+
+/// Scale and bias of a function whose coefficients lie in `range`, such that their codes are 0..255
+/// after the bias was rounded to an integer, which is why 254 steps span the range.
+fn scale_bias_of(range: Range) -> (f32, i32) {
+    let (min, max) = (f64::from(range.min) * 255.0, f64::from(range.max) * 255.0);
+    let largest = min.abs().max(max.abs());
+    let scale = ((max - min) / 254.0).max(largest / LARGEST_BIAS) as f32;
+    if !scale.is_finite() || scale < f32::MIN_POSITIVE {
+        return (1.0, 0);
+    }
+    (scale, (-min / f64::from(scale)).round() as i32)
+}
+
+/// coefficient = scale' x q + bias' of a file's scale and bias: with q = byte / 255 and the model's
+/// units 255 times smaller than the file's, scale' is the file's own.
+pub(super) fn quantizer_of(scale: f32, bias: f64) -> Quantizer {
+    Quantizer { scale, bias: (-bias * f64::from(scale) / 255.0) as f32 }
+}
+
+impl PtmWriter {
+    /// Writes `count` pixels, those of `span` from its pixel `start` on, which lie in one row.
+    fn write_run(
+        &self,
+        span: &CoefficientSpan<'_>,
+        start: usize,
+        count: usize,
+        bytes: &mut Vec<u8>,
+    ) -> Result<(), FormatError> {
+        let AssetHeader { width, height, model, .. } = &self.header;
+        let (x, y) = ((span.first + start) % width, (span.first + start) / width);
+        let pixel = ((height - 1 - y) * width + x) as u64;
+        let block = (width * height * FUNCTIONS) as u64;
+        let channels = if model.layout == Layout::Rgb { 3 } else { 1 };
+        bytes.resize(count * FUNCTIONS, 0);
+        for channel in 0..channels {
+            for (j, quantizer) in self.quantizers.iter().enumerate() {
+                let (bias, codes_per_unit) = (quantizer.bias, quantizer.codes_per_unit());
+                let row = &span.functions[j * span.pixels * channels..][start * channels..];
+                let row = row[channel..].iter().step_by(channels);
+                for (pixel, c) in bytes.chunks_exact_mut(FUNCTIONS).zip(row) {
+                    pixel[j] = code(*c, bias, codes_per_unit);
+                }
+            }
+            let place = self.offset + channel as u64 * block + pixel * FUNCTIONS as u64;
+            self.file.write_at(place, bytes)?;
+        }
+        if model.layout == Layout::Lrgb {
+            bytes.clear();
+            bytes.extend(span.base_color[3 * start..][..3 * count].iter().map(|&c| code(c, 0.0, 255.0)));
+            self.file.write_at(self.offset + block + pixel * 3, bytes)?;
+        }
+        Ok(())
+    }
+}
+
+impl AssetWriter for PtmWriter {
+    fn write(&self, span: &CoefficientSpan<'_>) -> Result<(), FormatError> {
+        assert_shape(&self.header, span);
+        let width = self.header.width;
+        let (mut start, mut bytes) = (0, Vec::new());
+        while start < span.pixels {
+            let left_in_row = width - (span.first + start) % width;
+            let count = left_in_row.min(span.pixels - start);
+            self.write_run(span, start, count, &mut bytes)?;
+            start += count;
+        }
+        self.written.fetch_add(span.pixels, Ordering::Relaxed);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<(), FormatError> {
+        check_complete(self.file.path(), &self.header, self.written.load(Ordering::Relaxed))?;
+        self.file.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_coefficient_is_clipped_and_each_comes_back_within_half_a_step() {
+        let ranges = [(0.0, 1.0), (-0.7, 0.31), (0.4, 0.5), (-3.0, -2.9), (0.5, 0.5), (0.3, 0.300_001)];
+        for (min, max) in ranges {
+            let (scale, bias) = scale_bias_of(Range { min, max });
+            assert!((-33000..=33000).contains(&bias), "{min}..{max}: bias {bias}");
+            let quantizer = quantizer_of(scale, f64::from(bias));
+            for i in 0..=1000 {
+                let c = (min + (max - min) * (i as f32 / 1000.0)).min(max);
+                let byte = quantizer.code(c);
+                let back = (f64::from(byte) - f64::from(bias)) * f64::from(scale) / 255.0;
+                let error = (back - f64::from(c)).abs();
+                assert!(error <= f64::from(scale) / 255.0 * 0.51, "{c} came back as {back}");
+            }
+        }
+        assert_eq!(scale_bias_of(Range { min: 0.0, max: 0.0 }), (1.0, 0));
+        assert_eq!(scale_bias_of(Range::EMPTY), (1.0, 0));
+    }
+}

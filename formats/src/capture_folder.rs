@@ -1,0 +1,117 @@
+//! A capture opened for work: its lights matched to pictures whose headers were read and agree.
+
+use crate::light_file::{light_file_in, match_pictures, read_light_file, Capture};
+use crate::picture::{probe, PictureInfo};
+use crate::FormatError;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A capture and what its pictures' headers say.
+#[derive(Clone, Debug)]
+pub struct OpenCapture {
+    /// Lights and pictures, in the order of the light file.
+    pub capture: Capture,
+    /// The pictures' headers, in the same order; all of one size, all integer or all float.
+    pub infos: Vec<PictureInfo>,
+}
+
+/// Opens the `.lp` file `input`, or the one in folder `input`.
+///
+/// # Errors
+/// [`FormatError`] when the light file is damaged, a picture is missing, or the pictures differ in
+/// size, mix integers with floats, or are turned in different ways.
+pub fn open_capture(input: &Path) -> Result<OpenCapture, FormatError> {
+    let file = read_light_file(&light_file_in(input)?)?;
+    let mut capture = match_pictures(&file)?;
+    let infos = capture.pictures.par_iter().map(|path| probe(path)).collect::<Result<Vec<_>, _>>()?;
+    let notes = check_headers(&capture, &infos)?;
+    capture.notes.extend(notes);
+    Ok(OpenCapture { capture, infos })
+}
+
+impl OpenCapture {
+    /// Whether the pictures hold floats (linear light) rather than sRGB-encoded integers.
+    pub fn is_float(&self) -> bool {
+        self.infos.iter().any(|info| info.sample_type.is_float())
+    }
+
+    /// The same capture with only the pictures at `indices`.
+    ///
+    /// # Panics
+    /// When an index is out of range.
+    pub fn select(&self, indices: &[usize]) -> Self {
+        let capture = Capture {
+            light_file: self.capture.light_file.clone(),
+            lights: relight_core::LightSet {
+                lights: indices.iter().map(|&i| self.capture.lights.lights[i].clone()).collect(),
+            },
+            pictures: indices.iter().map(|&i| self.capture.pictures[i].clone()).collect(),
+            vectors: indices.iter().map(|&i| self.capture.vectors[i]).collect(),
+            notes: Vec::new(),
+        };
+        Self { capture, infos: indices.iter().map(|&i| self.infos[i].clone()).collect() }
+    }
+}
+
+/// Checks that the pictures go together; what is worth saying comes back.
+fn check_headers(capture: &Capture, infos: &[PictureInfo]) -> Result<Vec<String>, FormatError> {
+    let pairs = || capture.pictures.iter().zip(infos);
+    let Some((first_path, first)) = pairs().next() else { return Ok(Vec::new()) };
+    for (path, info) in pairs() {
+        if (info.width, info.height) != (first.width, first.height) {
+            let problem = format!(
+                "is {} x {} pixels where {} is {} x {}; a capture needs pictures of one size, so crop or rescale",
+                info.width,
+                info.height,
+                first_path.display(),
+                first.width,
+                first.height
+            );
+            return Err(FormatError::invalid(path, problem));
+        }
+        if info.sample_type.is_float() != first.sample_type.is_float() {
+            let kind = |float| if float { "floats (linear)" } else { "integers (encoded)" };
+            let problem = format!(
+                "holds {} where {} holds {}; convert one kind to the other",
+                kind(info.sample_type.is_float()),
+                first_path.display(),
+                kind(first.sample_type.is_float())
+            );
+            return Err(FormatError::invalid(path, problem));
+        }
+        if info.orientation != first.orientation {
+            let problem = format!(
+                "has EXIF orientation {} where {} has {}; turn the pixels alike in all pictures",
+                info.orientation.unwrap_or(1),
+                first_path.display(),
+                first.orientation.unwrap_or(1)
+            );
+            return Err(FormatError::invalid(path, problem));
+        }
+    }
+    let mut notes = Vec::new();
+    let count = |test: fn(&PictureInfo) -> bool| infos.iter().filter(|info| test(info)).count();
+    let alpha = count(|info| info.alpha);
+    if alpha > 0 {
+        notes.push(format!("{alpha} of {} pictures have an alpha channel, which is ignored", infos.len()));
+    }
+    let grey = count(|info| info.channels == 1);
+    if grey > 0 && grey < infos.len() {
+        notes.push(format!("{grey} of {} pictures are grey and are taken as R = G = B", infos.len()));
+    }
+    if let Some(turned) = first.orientation {
+        notes.push(format!("EXIF orientation {turned} is ignored: pixels and lights are used as stored"));
+    }
+    let mut profiles = BTreeMap::new();
+    for profile in infos.iter().filter_map(|info| info.color_profile.as_deref()) {
+        *profiles.entry(profile).or_insert(0) += 1;
+    }
+    for (profile, pictures) in profiles {
+        notes.push(format!(
+            "{pictures} pictures carry the colour profile '{profile}': values are used as stored, so relit \
+             pictures are in that profile and not tagged with it"
+        ));
+    }
+    Ok(notes)
+}

@@ -1,0 +1,55 @@
+//! What is in a file, as names and values.
+
+use crate::asset::{ASSET_FORMATS, describe_asset};
+use crate::light_file::read_light_file;
+use crate::picture::probe;
+use crate::FormatError;
+use std::io::Read;
+use std::path::Path;
+
+/// Facts about an asset, a picture or a light file, recognised by its content (light files by
+/// their extension).
+///
+/// # Errors
+/// [`FormatError`] when the file can't be read or is none of these.
+pub fn describe(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
+    let fact = |name: &str, value: String| (name.to_owned(), value);
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("lp")) {
+        let file = read_light_file(path)?;
+        let mut facts = vec![fact("kind", "light file (.lp)".to_owned()), fact("lights", file.entries.len().to_string())];
+        facts.extend(file.notes.into_iter().map(|note| fact("note", note)));
+        return Ok(facts);
+    }
+    let mut magic = Vec::new();
+    let file = std::fs::File::open(path).map_err(|source| FormatError::io(path, "open", source))?;
+    file.take(16).read_to_end(&mut magic).map_err(|source| FormatError::io(path, "read", source))?;
+    let asset = ASSET_FORMATS.iter().any(|format| magic.starts_with(format.magic));
+    let as_asset = if asset { Some(describe_asset(path)) } else { None };
+    match as_asset {
+        Some(Ok(facts)) => return Ok(facts),
+        // An OpenEXR file without our attribute is a picture; every other damaged asset is that.
+        Some(Err(error)) => return probe(path).map(|info| facts_of(&info)).map_err(|_| error),
+        None => {}
+    }
+    Ok(facts_of(&probe(path)?))
+}
+
+fn facts_of(info: &crate::PictureInfo) -> Vec<(String, String)> {
+    let fact = |name: &str, value: String| (name.to_owned(), value);
+    let mut facts = vec![
+        fact("kind", "picture".to_owned()),
+        fact("size", format!("{} x {}", info.width, info.height)),
+        fact("channels", if info.channels == 1 { "grey" } else { "RGB" }.to_owned()),
+        fact("samples", format!("{:?}", info.sample_type).to_lowercase()),
+    ];
+    if info.alpha {
+        facts.push(fact("alpha", "present, ignored".to_owned()));
+    }
+    if let Some(profile) = &info.color_profile {
+        facts.push(fact("colour profile", profile.clone()));
+    }
+    if let Some(orientation) = info.orientation {
+        facts.push(fact("EXIF orientation", orientation.to_string()));
+    }
+    facts
+}

@@ -1,0 +1,39 @@
+//! Facts about the machine and its folders.
+
+use crate::FormatError;
+use std::path::Path;
+
+/// Bytes of memory that this process may use: the machine's, or its container's limit when lower.
+pub fn machine_memory() -> u64 {
+    let mut system = sysinfo::System::new();
+    system.refresh_memory();
+    let limit = system.cgroup_limits().map_or(u64::MAX, |limits| limits.total_memory);
+    // A platform that tells nothing gets a modest guess.
+    let total = if system.total_memory() == 0 { 4 << 30 } else { system.total_memory() };
+    total.min(limit)
+}
+
+/// Makes `folder` and those above it where they are missing.
+///
+/// # Errors
+/// [`FormatError::Io`].
+pub fn create_folder(folder: &Path) -> Result<(), FormatError> {
+    std::fs::create_dir_all(folder).map_err(|source| FormatError::io(folder, "create folder", source))
+}
+
+/// The text of a file of at most 1 MiB.
+///
+/// # Errors
+/// [`FormatError`] when it can't be read, is larger or is not UTF-8.
+pub fn read_text(path: &Path) -> Result<String, FormatError> {
+    use std::io::Read;
+    let limit = 1u64 << 20;
+    let failed = |source| FormatError::io(path, "read", source);
+    let file = std::fs::File::open(path).map_err(failed)?;
+    let mut bytes = Vec::new();
+    file.take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.len() as u64 > limit {
+        return Err(FormatError::TooLarge { path: path.to_owned(), needed: bytes.len() as u64, limit });
+    }
+    String::from_utf8(bytes).map_err(|_| FormatError::invalid(path, "is not UTF-8 text; save it as UTF-8"))
+}

@@ -1,0 +1,235 @@
+//! Files that appear whole or not at all: written under a hidden name beside the target, then
+//! renamed over it.
+
+use crate::FormatError;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
+
+/// Names longer than this are left out of the temporary's own: systems end at 255 bytes.
+const LONGEST_NAME: usize = 200;
+
+/// A file on its way to `path`.
+///
+/// Bytes go to `.name.relight-XXXXXX.tmp` in the same folder; [`Self::finish`] renames that over
+/// the target. Dropping it without `finish` removes the temporary and leaves the target as it was.
+#[derive(Debug)]
+pub struct OutputFile {
+    path: PathBuf,
+    /// Where a symbolic link at `path` leads, otherwise `path` itself.
+    target: PathBuf,
+    temporary: NamedTempFile,
+}
+
+impl OutputFile {
+    /// Starts a file that will stand at `path`.
+    ///
+    /// # Errors
+    /// [`FormatError::Io`] when the folder is missing or can't be written to,
+    /// [`FormatError::Invalid`] when `path` is a folder or a device.
+    pub fn create(path: &Path) -> Result<Self, FormatError> {
+        let Some(name) = path.file_name() else {
+            return Err(FormatError::invalid(path, "is not the name of a file; name one to write"));
+        };
+        let target = match fs::canonicalize(path) {
+            Ok(target) => target,
+            Err(_) => path.to_owned(),
+        };
+        if let Ok(metadata) = fs::metadata(&target)
+            && !metadata.is_file()
+        {
+            let kind = if metadata.is_dir() { "a folder" } else { "not a regular file" };
+            return Err(FormatError::invalid(path, format!("is {kind}; name a file to write")));
+        }
+        let folder = match target.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        if !folder.is_dir() {
+            let words = format!("there is no folder {}", folder.display());
+            return Err(FormatError::io(path, "create", io::Error::new(io::ErrorKind::NotFound, words)));
+        }
+        let mut prefix = std::ffi::OsString::from(".");
+        if name.len() <= LONGEST_NAME {
+            prefix.push(name);
+        }
+        prefix.push(".relight-");
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(&prefix).suffix(".tmp");
+        // What the system gives a new file: it takes the umask off these.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        // The crate's error names the temporary, which would puzzle: keep the kind alone.
+        let temporary =
+            builder.tempfile_in(folder).map_err(|e| FormatError::io(path, "create", e.kind().into()))?;
+        Ok(Self { path: path.to_owned(), target, temporary })
+    }
+
+    /// The path at which the file will stand.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(crate) fn file(&self) -> &File {
+        self.temporary.as_file()
+    }
+
+    /// Writes `bytes` at `offset` bytes from the start; any number of threads may, at places of
+    /// their own. Don't mix with [`Self::write_all`]: where that goes on afterwards differs
+    /// between systems.
+    ///
+    /// # Errors
+    /// [`FormatError::Io`], for instance on a full disk.
+    pub fn write_at(&self, offset: u64, bytes: &[u8]) -> Result<(), FormatError> {
+        write_all_at(self.file(), offset, bytes).map_err(|e| self.write_error(e))
+    }
+
+    /// Writes `bytes` after those written before.
+    ///
+    /// # Errors
+    /// [`FormatError::Io`], for instance on a full disk.
+    pub fn write_all(&mut self, bytes: &[u8]) -> Result<(), FormatError> {
+        self.file().write_all(bytes).map_err(|e| self.write_error(e))
+    }
+
+    /// Puts the file in its place, with the permissions of the file that stood there or else those
+    /// of any new file.
+    ///
+    /// # Errors
+    /// [`FormatError::Io`] when it can't be renamed; the temporary is removed and what stood at
+    /// the target still stands.
+    pub fn finish(self) -> Result<(), FormatError> {
+        #[cfg(unix)]
+        if let Ok(metadata) = fs::metadata(&self.target) {
+            self.file().set_permissions(metadata.permissions()).map_err(|e| self.write_error(e))?;
+        }
+        let Self { path, target, temporary } = self;
+        temporary.persist(&target).map_err(|e| FormatError::io(&path, "write", e.error))?;
+        Ok(())
+    }
+
+    fn write_error(&self, source: io::Error) -> FormatError {
+        FormatError::io(&self.path, "write", source)
+    }
+}
+
+/// Writes a whole file at once, by way of an [`OutputFile`].
+///
+/// # Errors
+/// As of [`OutputFile::create`], [`OutputFile::write_all`] and [`OutputFile::finish`].
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
+    let mut file = OutputFile::create(path)?;
+    file.write_all(bytes)?;
+    file.finish()
+}
+
+#[cfg(unix)]
+fn write_all_at(file: &File, offset: u64, bytes: &[u8]) -> io::Result<()> {
+    std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
+}
+
+#[cfg(windows)]
+fn write_all_at(file: &File, mut offset: u64, mut bytes: &[u8]) -> io::Result<()> {
+    use std::os::windows::fs::FileExt;
+    while !bytes.is_empty() {
+        match file.seek_write(bytes, offset) {
+            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+            Ok(count) => {
+                bytes = &bytes[count..];
+                offset += count as u64;
+            }
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names_in(folder: &Path) -> Vec<String> {
+        let mut names: Vec<_> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_dropped_file_leaves_nothing_behind_and_harms_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ktx2");
+        fs::write(&path, "old").unwrap();
+        let mut file = OutputFile::create(&path).unwrap();
+        file.write_all(b"new bytes").unwrap();
+        assert!(names_in(folder.path())[0].starts_with(".a.ktx2.relight-"));
+        drop(file);
+        assert_eq!(names_in(folder.path()), ["a.ktx2"]);
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+    }
+
+    #[test]
+    fn pieces_written_out_of_order_by_threads_form_one_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pieces");
+        let file = OutputFile::create(&path).unwrap();
+        std::thread::scope(|scope| {
+            for piece in (0..8u8).rev() {
+                let file = &file;
+                scope.spawn(move || file.write_at(u64::from(piece) * 1000, &[piece; 1000]).unwrap());
+            }
+        });
+        assert!(!path.exists());
+        file.finish().unwrap();
+        let expected: Vec<u8> = (0..8000u32).map(|i| (i / 1000) as u8).collect();
+        assert_eq!(fs::read(&path).unwrap(), expected);
+        assert_eq!(names_in(folder.path()), ["pieces"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn the_mode_is_a_new_files_or_that_of_the_file_replaced() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        let (plain, ours) = (folder.path().join("plain"), folder.path().join("ours"));
+        fs::write(&plain, "").unwrap();
+        write_whole(&ours, b"1").unwrap();
+        assert_eq!(mode(&ours), mode(&plain));
+        fs::set_permissions(&ours, fs::Permissions::from_mode(0o751)).unwrap();
+        write_whole(&ours, b"2").unwrap();
+        assert_eq!((mode(&ours), fs::read(&ours).unwrap()), (0o751, b"2".to_vec()));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_a_link_and_what_it_names_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link) = (folder.path().join("real"), folder.path().join("link"));
+        fs::write(&real, "old").unwrap();
+        std::os::unix::fs::symlink(&real, &link).unwrap();
+        write_whole(&link, b"new").unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read(&real).unwrap(), b"new");
+    }
+
+    #[test]
+    fn folders_devices_and_missing_parents_are_refused_in_words() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = OutputFile::create(folder.path()).unwrap_err();
+        assert!(refused.to_string().contains("is a folder"), "{refused}");
+        let missing = folder.path().join("no").join("a.ktx2");
+        let refused = OutputFile::create(&missing).unwrap_err();
+        assert!(refused.to_string().contains("a.ktx2"), "{refused}");
+        let FormatError::Io { source, .. } = refused else { panic!("{refused}") };
+        assert!(source.to_string().contains("there is no folder"), "{source}");
+        #[cfg(unix)]
+        assert!(OutputFile::create(Path::new("/dev/null")).is_err());
+        let long = folder.path().join("x".repeat(250));
+        write_whole(&long, b"long").unwrap();
+    }
+}
