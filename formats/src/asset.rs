@@ -70,10 +70,13 @@ pub struct AssetFormat {
     pub magic: &'static [u8],
     /// Why it can't hold a model whose layout and precision it does hold.
     refusal: fn(&Model) -> Option<String>,
-    create: fn(&Path, AssetHeader, &[Range], u64) -> Result<Box<dyn AssetWriter>, FormatError>,
+    create: fn(&Path, AssetHeader, &[Range], u64) -> Created,
     read: fn(&Path, u64) -> Result<RelightingMaps, FormatError>,
     summarize: fn(&Path) -> Result<(AssetHeader, Details), FormatError>,
 }
+
+/// What starting an asset gives.
+type Created = Result<Box<dyn AssetWriter>, FormatError>;
 
 /// Facts of a format's own, as name and value.
 type Details = Vec<(String, String)>;

@@ -50,9 +50,12 @@ enum Place {
     Spilled { offset: u64, sample_type: SampleType },
 }
 
-/// What a decoder holds beside the picture itself: its file, and for progressive JPEG two bytes
-/// a coefficient.
-const DECODER_OVERHEAD: u64 = 3;
+/// What a decoder holds for each byte of the picture: the picture, its file, and for progressive
+/// JPEG two bytes a coefficient.
+const DECODER_SHARE: u64 = 4;
+
+/// What the smallest decoder is allowed.
+const DECODER_LEAST: u64 = 4 << 20;
 
 /// Memory kept back for code, tables and the allocator.
 const RESERVE: u64 = 48 << 20;
@@ -76,7 +79,7 @@ impl PictureStack {
         let (width, height) = infos.first().map_or((0, 0), |info| (info.width, info.height));
         let channels = infos.iter().map(|info| info.channels).max().unwrap_or(1);
         let largest = infos.iter().map(PictureInfo::bytes).max().unwrap_or(0);
-        let decoder = largest * DECODER_OVERHEAD;
+        let decoder = (largest * DECODER_SHARE).max(DECODER_LEAST);
         let available = settings.memory.saturating_sub(RESERVE);
         if decoder > available {
             let path = paths.first().cloned().unwrap_or_default();

@@ -9,7 +9,7 @@ use relight_core::{Basis, Direction, FitFigures};
 /// How strongly coefficients are held small, as a part of the largest singular value squared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Ridge {
-    /// The family's own, or more where that predicts left-out lights better.
+    /// The family's own, or more where generalised cross-validation finds that much better.
     Auto,
     /// This, 0 to 1.
     Fixed(f64),
@@ -21,9 +21,9 @@ const STEP: f64 = 10.0;
 /// The largest ridge that [`Ridge::Auto`] takes.
 const LARGEST: f64 = 0.1;
 
-/// A larger ridge must predict left-out lights better by this factor to be taken: below that the
-/// difference is noise, and the larger ridge blurs.
-const WORTH: f64 = 0.99;
+/// A larger ridge must lower the predicted error to this part (0.5 dB) to be taken: less than that
+/// is noise, and a larger ridge blurs.
+const WORTH: f64 = 0.944;
 
 /// The solved fit of a basis to a light set.
 #[derive(Clone, Debug)]
@@ -59,10 +59,10 @@ impl LeastSquares {
         let judge = |ridge: f64| {
             let solution = decomposition.solution(ridge);
             let errors = LeaveOneOut::of(&decomposition, &solution, sample);
-            let mean = LeaveOneOut::mean(&errors.left_out, &decomposition.weights);
-            (ridge, solution, errors, mean)
+            let predicted = errors.cross_validation(&decomposition.weights);
+            (ridge, solution, errors, predicted)
         };
-        let (ridge, solution, leave_one_out, mean) = match ridge {
+        let (ridge, solution, leave_one_out, _) = match ridge {
             Ridge::Fixed(ridge) if !(0.0..=1.0).contains(&ridge) => return Err(FitError::Ridge { ridge }),
             Ridge::Fixed(ridge) => judge(ridge),
             Ridge::Auto => {
@@ -79,7 +79,8 @@ impl LeastSquares {
             }
         };
         let fit_rmse = LeaveOneOut::mean(&leave_one_out.fit, &decomposition.weights);
-        let figures = FitFigures { fit_rmse, leave_one_out_rmse: mean };
+        let leave_one_out_rmse = LeaveOneOut::mean(&leave_one_out.left_out, &decomposition.weights);
+        let figures = FitFigures { fit_rmse, leave_one_out_rmse };
         Ok(Self { basis, decomposition, ridge, solution, leave_one_out, figures })
     }
 

@@ -62,6 +62,17 @@ impl LeaveOneOut {
         (sum / errors.len().max(1) as f64).sqrt()
     }
 
+    /// Root mean square error predicted for lights that were not fitted: the fit's own error over
+    /// the lights' mean freedom, 1 - mean leverage; infinite when no freedom is left.
+    ///
+    /// Unlike the mean of the left-out errors it is not ruled by the few lights on the capture's
+    /// rim, whose prediction is an extrapolation.
+    /// Source: Golub, Heath, Wahba, *Generalized Cross-Validation*, 1979.
+    pub fn cross_validation(&self, weights: &[f64]) -> f64 {
+        let freedom = 1.0 - self.leverage.iter().sum::<f64>() / self.leverage.len().max(1) as f64;
+        if freedom > 1.0 - FULL_LEVERAGE { Self::mean(&self.fit, weights) / freedom } else { f64::INFINITY }
+    }
+
     /// Pictures whose left-out error stands out from their neighbours' on the sphere.
     ///
     /// `neighbours[i]` lists the lights nearest to light i. A picture is reported when its error

@@ -206,7 +206,7 @@ impl AssetWriter for Ktx2Writer {
                     }
                     Layout::Lrgb | Layout::Grey => {
                         let rows: Vec<_> = layer.planes.iter().map(|&plane| row(plane)).collect();
-                        buffer.from_rows(*precision, &rows, &layer.quantizers, channels)
+                        buffer.texels_from_rows(*precision, &rows, &layer.quantizers, channels)
                     }
                 };
                 self.file.write_at(layer.offset + (span.first + start) as u64 * texel_bytes, bytes)?;

@@ -37,7 +37,7 @@ impl TexelBuffer {
 
     /// Texels of `channels` channels, channel c from `rows[c]`; where there are no more rows the
     /// channel is 0, the fourth 1.
-    pub(super) fn from_rows(
+    pub(super) fn texels_from_rows(
         &mut self,
         precision: Precision,
         rows: &[&[f32]],

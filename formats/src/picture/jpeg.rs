@@ -1,15 +1,15 @@
 //! JPEG: 8-bit baseline and progressive, grey or RGB (YCbCr), through `zune-jpeg`.
 //!
 //! The header is walked here: probing needs no decoder, and what the decoder can't read is named.
-//! Two things that `zune-jpeg` 0.5 does decide what else is done here. It fills what is missing
-//! with grey unless in strict mode; and even then a file that breaks off within the last row of
-//! blocks passes, so the end marker is looked for first.
+//! `zune-jpeg` 0.5 fills what is missing with grey unless in strict mode; and even then it passes
+//! files that break off within the last row of blocks or have their end marker early. Therefore the
+//! end marker is looked for first, and what stands before it makes the decoder trip.
 
 use super::{DecodedPicture, PictureInfo, SampleType, Samples, Source, check_memory, checked_size, icc};
 use crate::FormatError;
 use image::metadata::Orientation;
 use relight_core::CpuLevel;
-use std::io::{self, Cursor};
+use std::io::{self, BufRead, Cursor};
 use std::path::Path;
 use zune_core::bytestream::ZCursor;
 use zune_core::colorspace::ColorSpace;
@@ -18,6 +18,9 @@ use zune_jpeg::JpegDecoder;
 
 const END_OF_IMAGE: u8 = 0xd9;
 const START_OF_SCAN: u8 = 0xda;
+
+/// Longer than the raw bits that refining one block may take before its next code.
+const TRIPWIRE_BYTES: usize = 64;
 
 /// Width and height are 16-bit numbers.
 const LARGEST_SIDE: usize = 65_535;
@@ -39,11 +42,14 @@ pub(super) fn decode(
     let mut cursor = Cursor::new(bytes);
     let header = read_header(&mut cursor, path)?;
     let info = checked_size(header.info, path)?;
-    let needed = (bytes.len() as u64).saturating_add(info.bytes()).saturating_add(header.decoder_bytes);
+    let copies = 2 * bytes.len() as u64;
+    let needed = copies.saturating_add(info.bytes()).saturating_add(header.decoder_bytes);
     check_memory(needed, memory_limit, path)?;
-    if !has_end(bytes, cursor.position() as usize) {
-        return Err(damaged(path, "it ends before its last row"));
-    }
+    let (end, scans) = find_end(bytes, cursor.position() as usize)
+        .ok_or_else(|| damaged(path, "it ends before its last row"))?;
+    // The decoder must see at once what follows the first scan of a progressive picture.
+    let tripwire_bytes = if header.progressive && scans == 1 { 0 } else { TRIPWIRE_BYTES };
+    let bytes = with_tripwire(&bytes[..end], tripwire_bytes);
     let color_space = if info.channels == 1 { ColorSpace::Luma } else { ColorSpace::RGB };
     let options = DecoderOptions::default()
         .set_strict_mode(true)
@@ -51,7 +57,7 @@ pub(super) fn decode(
         .set_max_width(LARGEST_SIDE)
         .set_max_height(LARGEST_SIDE)
         .jpeg_set_out_colorspace(color_space);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&bytes), options);
     let mut samples = vec![0; info.bytes() as usize];
     decoder.decode_headers().map_err(|error| damaged(path, error))?;
     if decoder.output_buffer_size() != Some(samples.len()) {
@@ -70,6 +76,7 @@ fn damaged(path: &Path, cause: impl std::fmt::Display) -> FormatError {
 /// What precedes the first scan.
 struct Header {
     info: PictureInfo,
+    progressive: bool,
     /// Memory of the decoder besides the samples.
     decoder_bytes: u64,
 }
@@ -162,7 +169,11 @@ fn walk_header(source: &mut dyn Source, path: &Path) -> Result<Header, WalkError
                 };
                 let whole_picture =
                     if frame.progressive || !interleaved { frame.coefficients * 2 } else { 0 };
-                return Ok(Header { info, decoder_bytes: frame.row_bytes + whole_picture });
+                return Ok(Header {
+                    info,
+                    progressive: frame.progressive,
+                    decoder_bytes: frame.row_bytes + whole_picture,
+                });
             }
             _ => frame = Some(read_frame(marker, &segment, path)?),
         }
@@ -241,24 +252,34 @@ fn read_frame(marker: u8, segment: &[u8], path: &Path) -> Result<Frame, FormatEr
     })
 }
 
-/// Whether the data that starts at `position` reach the end of the picture.
-fn has_end(bytes: &[u8], position: usize) -> bool {
-    if bytes.ends_with(&[0xff, END_OF_IMAGE]) {
-        return true;
-    }
-    let mut rest = bytes.get(position..).unwrap_or_default();
-    while let Some(at) = rest.iter().position(|&byte| byte == 0xff) {
-        rest = &rest[at + 1..];
-        match rest {
-            [END_OF_IMAGE, ..] => return true,
-            // A stuffed zero, a restart marker or a fill byte.
-            [0 | 0xd0..=0xd7 | 0xff, ..] | [] => {}
-            [_, high, low, ..] => {
-                let length = usize::from(u16::from_be_bytes([*high, *low]));
-                rest = rest.get(1 + length..).unwrap_or_default();
+/// Where the picture whose first scan has its data at `position` has its end marker, and the number
+/// of its scans; `None` when the file ends first. Other pictures or padding may follow.
+fn find_end(bytes: &[u8], mut position: usize) -> Option<(usize, usize)> {
+    let mut scans = 1;
+    loop {
+        position += bytes.get(position..)?.skip_until(0xff).ok()?;
+        match *bytes.get(position)? {
+            END_OF_IMAGE => return Some((position - 1, scans)),
+            // A stuffed zero or a restart marker.
+            0 | 0xd0..=0xd7 => position += 1,
+            // Perhaps a fill byte: the next may be a marker.
+            0xff => {}
+            marker => {
+                scans += usize::from(marker == START_OF_SCAN);
+                let length: [u8; 2] = bytes.get(position + 1..position + 3)?.try_into().ok()?;
+                position += 1 + usize::from(u16::from_be_bytes(length));
             }
-            _ => return false,
         }
     }
-    false
+}
+
+/// The picture up to its end marker, `body`, then codes that no Huffman table has (all bits 1) and
+/// that marker: where data are missing the decoder takes zeros without a word, but over these it
+/// trips.
+fn with_tripwire(body: &[u8], tripwire_bytes: usize) -> Vec<u8> {
+    let mut guarded = Vec::with_capacity(body.len() + 2 * tripwire_bytes + 2);
+    guarded.extend_from_slice(body);
+    guarded.extend([0xff, 0].repeat(tripwire_bytes));
+    guarded.extend([0xff, END_OF_IMAGE]);
+    guarded
 }

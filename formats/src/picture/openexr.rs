@@ -5,6 +5,7 @@ use super::{DecodedPicture, PictureInfo, SampleType, Samples, Source, check_memo
 use crate::FormatError;
 use exr::block::UncompressedBlock;
 use exr::block::reader::{ChunksReader, Reader};
+use exr::compression::Compression;
 use exr::error::Error;
 use exr::math::Vec2;
 use exr::meta::BlockDescription;
@@ -81,6 +82,11 @@ fn choose(headers: &[Header], path: &Path) -> Result<Choice, FormatError> {
             seen.extend(names);
             continue;
         };
+        if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+            // exr 1.74 allocates what a DWA block says it will need: a damaged one aborts the process.
+            let problem = "an EXR of DWA compression is not read; save it with ZIP or PIZ compression";
+            return Err(unsupported(problem.to_owned()));
+        }
         let channels = &header.channels.list;
         if channels.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
             let problem = "an EXR with subsampled channels is not read; save it with full-resolution R, G, B";
@@ -187,7 +193,9 @@ fn error_from_exr(error: Error, path: &Path) -> FormatError {
     match error {
         Error::NotSupported(what) => FormatError::unsupported(
             path,
-            format!("an EXR of a kind that is not read: {what}; save it as flat RGB with ZIP compression"),
+            format!(
+                "an EXR of a kind that is not read: {what}; save it as flat RGB with ZIP or PIZ compression"
+            ),
         ),
         Error::Io(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
             FormatError::io(path, "read", source)
