@@ -2,7 +2,7 @@
 //! at the precision of the file and never converted.
 //!
 //! A format is told by its first bytes, never by the file's name. Adding one is one file here and
-//! one row in [`FORMATS`].
+//! one row in `FORMATS`.
 
 mod icc;
 mod jpeg;

@@ -311,6 +311,16 @@ fn exr_layers_are_found_by_their_channels() {
 }
 
 #[test]
+fn exr_block_in_place_of_another_is_refused() {
+    let mut bytes = exr_half_rgb((5, 4), ex::Encoding::UNCOMPRESSED);
+    // The table of blocks, one a row: its first entry points right behind it.
+    let entry = |bytes: &[u8], at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+    let table = (0..bytes.len() - 8).find(|&at| entry(&bytes, at) == at as u64 + 4 * 8).unwrap();
+    bytes.copy_within(table..table + 8, table + 16);
+    assert_words(&refusal(&bytes), &["table of blocks", "copy it again"]);
+}
+
+#[test]
 fn nan_and_infinity_are_named_with_their_place() {
     let size = (5, 4);
     let mut green = plane(size, 1, half_of);
@@ -527,9 +537,15 @@ fn a_panic_of_a_decoder_is_an_error_of_the_file() {
 #[test]
 fn real_pictures_decode_as_their_headers_say() {
     let data = Path::new("/work/shared/data");
-    for (set, sample_type) in
-        [("icon72", SampleType::U8), ("relief1024", SampleType::U8), ("court/test", SampleType::F16)]
-    {
+    for (set, sample_type) in [
+        ("icon72", SampleType::U8),
+        ("buddha12", SampleType::U8),
+        ("lion64", SampleType::U8),
+        ("peer_web_ptm", SampleType::U8),
+        ("relief1024_test", SampleType::U8),
+        ("court/test", SampleType::F16),
+        ("caustics/test", SampleType::F16),
+    ] {
         let Ok(folder) = std::fs::read_dir(data.join(set)) else {
             println!("skipped: {} is absent", data.join(set).display());
             continue;

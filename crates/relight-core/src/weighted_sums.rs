@@ -1,17 +1,13 @@
 //! The one product behind fitting and relighting: rows of samples summed with weights.
 //!
-//! One source over fixed-width lanes is compiled again for each instruction set. Rust never fuses
-//! a * b + c, and every sum runs over the terms in order, so all builds give the same bits; the
-//! test holds each of them to the textbook loop.
+//! One source is expanded for each instruction set by a macro. It writes its vectors out: left to
+//! the compiler, the same loop over arrays ran between 28 and 3 GFLOP/s from one small change to
+//! the next (docs/accuracy.md). Multiplications and additions stay apart, never fused, and every
+//! sum runs over the terms in order, so all builds give the same bits; the test holds each of them
+//! to the textbook loop.
 
 use crate::CpuLevel;
 use crate::cpu::Kind;
-
-/// Samples that the kernel sums side by side.
-const LANES: usize = 16;
-
-/// Rows of output that it keeps in registers at once.
-const ROWS: usize = 6;
 
 /// Where rows lie: each starts `stride` samples after the one before.
 #[derive(Clone, Copy, Debug)]
@@ -41,89 +37,120 @@ pub fn weighted_sums(
     assert!(width <= input.stride && width <= output.stride, "width {width} exceeds a stride");
     assert!(rows == 0 || input.samples.len() >= (terms - 1) * input.stride + width, "input is too short");
     assert!(rows == 0 || output.samples.len() >= (rows - 1) * output.stride + width, "output is too short");
+    let shape = Shape { terms, input_stride: input.stride, output_stride: output.stride, width };
     match level.kind() {
-        Kind::Baseline => kernel(matrix, terms, input, output, width),
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: SSE2 is part of x86-64.
+        Kind::Baseline => unsafe { sse2::rows(matrix, input.samples, output.samples, shape) },
+        #[cfg(target_arch = "x86_64")]
         // SAFETY: a `CpuLevel` exists only for instruction sets that this machine has.
+        Kind::Avx2 => unsafe { avx2::rows(matrix, input.samples, output.samples, shape) },
         #[cfg(target_arch = "x86_64")]
-        Kind::Avx2 => unsafe { kernel_avx2(matrix, terms, input, output, width) },
         // SAFETY: as above.
-        #[cfg(target_arch = "x86_64")]
-        Kind::Avx512 => unsafe { kernel_avx512(matrix, terms, input, output, width) },
+        Kind::Avx512 => unsafe { avx512::rows(matrix, input.samples, output.samples, shape) },
         #[cfg(not(target_arch = "x86_64"))]
-        _ => kernel(matrix, terms, input, output, width),
+        _ => columns(matrix, input.samples, output.samples, shape, 0),
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn kernel_avx2(m: &[f32], terms: usize, input: Rows<&[f32]>, output: Rows<&mut [f32]>, width: usize) {
-    kernel(m, terms, input, output, width);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
-fn kernel_avx512(m: &[f32], terms: usize, input: Rows<&[f32]>, output: Rows<&mut [f32]>, width: usize) {
-    kernel(m, terms, input, output, width);
-}
-
-#[inline(always)]
-fn kernel(matrix: &[f32], terms: usize, input: Rows<&[f32]>, output: Rows<&mut [f32]>, width: usize) {
-    let rows = matrix.len().checked_div(terms).unwrap_or(0);
-    let mut first = 0;
-    while first < rows {
-        let block = (rows - first).min(ROWS);
-        let weights = &matrix[first * terms..(first + block) * terms];
-        let stride = output.stride;
-        let out = Rows { samples: &mut output.samples[first * stride..], stride };
-        match block {
-            6 => block_of::<6>(weights, terms, input, out, width),
-            5 => block_of::<5>(weights, terms, input, out, width),
-            4 => block_of::<4>(weights, terms, input, out, width),
-            3 => block_of::<3>(weights, terms, input, out, width),
-            2 => block_of::<2>(weights, terms, input, out, width),
-            _ => block_of::<1>(weights, terms, input, out, width),
-        }
-        first += block;
-    }
-}
-
-/// `R` rows of output at once: each input sample is loaded once for all of them.
-#[inline(always)]
-fn block_of<const R: usize>(
-    weights: &[f32],
+/// The sizes of a product.
+#[derive(Clone, Copy)]
+struct Shape {
     terms: usize,
-    input: Rows<&[f32]>,
-    output: Rows<&mut [f32]>,
+    input_stride: usize,
+    output_stride: usize,
     width: usize,
-) {
-    let rows: [&[f32]; R] = std::array::from_fn(|r| &weights[r * terms..(r + 1) * terms]);
-    let mut x = 0;
-    while x + LANES <= width {
-        let mut sums = [[0.0f32; LANES]; R];
-        for i in 0..terms {
-            let samples = &input.samples[i * input.stride + x..][..LANES];
-            for r in 0..R {
-                let weight = rows[r][i];
-                for lane in 0..LANES {
-                    sums[r][lane] += weight * samples[lane];
+}
+
+/// The columns from `first` on, one at a time: what vectors leave over, and machines without them.
+fn columns(matrix: &[f32], input: &[f32], output: &mut [f32], shape: Shape, first: usize) {
+    for (r, weights) in matrix.chunks_exact(shape.terms.max(1)).enumerate() {
+        for x in first..shape.width {
+            let mut sum = 0.0;
+            for (weight, row) in weights.iter().zip(input[x..].chunks(shape.input_stride)) {
+                sum += weight * row[0];
+            }
+            output[r * shape.output_stride + x] = sum;
+        }
+    }
+}
+
+/// The kernel for one instruction set: six rows of two vectors each stay in registers, twelve sums
+/// that hide the latency of an addition; each sample that is loaded serves six rows, each weight
+/// two vectors.
+#[cfg(target_arch = "x86_64")]
+macro_rules! kernel {
+    ($name:ident, $features:literal, $lanes:literal, $zero:ident, $splat:ident, $load:ident, $store:ident, $add:ident, $mul:ident) => {
+        mod $name {
+            use super::{Shape, columns};
+            use std::arch::x86_64::{$add, $load, $mul, $splat, $store, $zero};
+
+            const LANES: usize = $lanes;
+            const ROWS: usize = 6;
+
+            #[target_feature(enable = $features)]
+            pub(super) fn rows(matrix: &[f32], input: &[f32], output: &mut [f32], shape: Shape) {
+                let blocks = matrix.chunks(ROWS * shape.terms.max(1));
+                for (block, weights) in blocks.enumerate() {
+                    let out = &mut output[block * ROWS * shape.output_stride..];
+                    match weights.len() / shape.terms {
+                        6 => block_of::<6>(weights, input, out, shape),
+                        5 => block_of::<5>(weights, input, out, shape),
+                        4 => block_of::<4>(weights, input, out, shape),
+                        3 => block_of::<3>(weights, input, out, shape),
+                        2 => block_of::<2>(weights, input, out, shape),
+                        _ => block_of::<1>(weights, input, out, shape),
+                    }
                 }
             }
-        }
-        for (r, sum) in sums.iter().enumerate() {
-            output.samples[r * output.stride + x..][..LANES].copy_from_slice(sum);
-        }
-        x += LANES;
-    }
-    for x in x..width {
-        for r in 0..R {
-            let mut sum = 0.0;
-            for i in 0..terms {
-                sum += rows[r][i] * input.samples[i * input.stride + x];
+
+            #[target_feature(enable = $features)]
+            fn block_of<const R: usize>(weights: &[f32], input: &[f32], output: &mut [f32], shape: Shape) {
+                // The weights of a term side by side, so that the inner loop walks one array.
+                let by_term: Vec<[f32; R]> = (0..shape.terms)
+                    .map(|i| std::array::from_fn(|r| weights[r * shape.terms + i]))
+                    .collect();
+                let mut x = 0;
+                while x + 2 * LANES <= shape.width {
+                    let mut sums = [[$zero(); 2]; R];
+                    for (weights, row) in by_term.iter().zip(input[x..].chunks(shape.input_stride)) {
+                        let samples = &row[..2 * LANES];
+                        // SAFETY: `samples` holds two vectors.
+                        let (a, b) = unsafe { ($load(samples.as_ptr()), $load(samples.as_ptr().add(LANES))) };
+                        for r in 0..R {
+                            let weight = $splat(weights[r]);
+                            sums[r][0] = $add(sums[r][0], $mul(weight, a));
+                            sums[r][1] = $add(sums[r][1], $mul(weight, b));
+                        }
+                    }
+                    for (r, [a, b]) in sums.into_iter().enumerate() {
+                        let out = &mut output[r * shape.output_stride + x..][..2 * LANES];
+                        // SAFETY: `out` holds two vectors.
+                        unsafe {
+                            $store(out.as_mut_ptr(), a);
+                            $store(out.as_mut_ptr().add(LANES), b);
+                        }
+                    }
+                    x += 2 * LANES;
+                }
+                columns(weights, input, output, shape, x);
             }
-            output.samples[r * output.stride + x] = sum;
         }
-    }
+    };
 }
+
+#[cfg(target_arch = "x86_64")]
+kernel!(sse2, "sse2", 4, _mm_setzero_ps, _mm_set1_ps, _mm_loadu_ps, _mm_storeu_ps, _mm_add_ps, _mm_mul_ps);
+#[cfg(target_arch = "x86_64")]
+kernel!(
+    avx2, "avx2", 8, _mm256_setzero_ps, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_add_ps,
+    _mm256_mul_ps
+);
+#[cfg(target_arch = "x86_64")]
+kernel!(
+    avx512, "avx512f", 16, _mm512_setzero_ps, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps,
+    _mm512_add_ps, _mm512_mul_ps
+);
 
 #[cfg(test)]
 mod tests {
@@ -152,7 +179,7 @@ mod tests {
             (seed >> 8) as f32 / 8_388_608.0 - 1.0
         };
         for (rows, terms) in [(1, 1), (2, 3), (5, 50), (6, 7), (7, 12), (13, 31), (25, 50)] {
-            for width in [1, 5, 15, 16, 17, 48, 100] {
+            for width in [1, 5, 15, 16, 17, 32, 48, 100] {
                 let stride = width + 3;
                 let matrix: Vec<f32> = (0..rows * terms).map(|_| random()).collect();
                 let input: Vec<f32> = (0..terms * stride).map(|_| random()).collect();
