@@ -6,10 +6,10 @@ use crate::{interrupt, notes, progress};
 use clap::Args;
 use rayon::prelude::*;
 use relight_core::metrics::{self, PictureError};
-use relight_core::relighter::{relight, Picture};
+use relight_core::relighter::{Picture, relight};
 use relight_core::{RelightingMaps, Space};
-use relight_formats::{decode, open_capture, read_asset, write_picture, OpenCapture, PictureDepth};
-use serde_json::{json, Value};
+use relight_formats::{OpenCapture, PictureDepth, decode, open_capture, read_asset, write_picture};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -69,7 +69,11 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
 }
 
 /// Relights `asset` at every light of `capture` and compares.
-pub(crate) fn evaluate(asset: &Path, capture: &OpenCapture, machine: &Machine) -> Result<Evaluation, Failure> {
+pub(crate) fn evaluate(
+    asset: &Path,
+    capture: &OpenCapture,
+    machine: &Machine,
+) -> Result<Evaluation, Failure> {
     let maps = read_asset(asset, machine.memory)?;
     let info = &capture.infos[0];
     if (maps.width, maps.height) != (info.width, info.height) {
@@ -93,7 +97,8 @@ pub(crate) fn evaluate(asset: &Path, capture: &OpenCapture, machine: &Machine) -
         let photograph = photograph(&capture.capture.pictures[i], machine)?;
         let relit = relit(&maps, light.direction, linear, machine);
         let (relit, photograph) = same_channels(relit, photograph);
-        let compare = |a: &Picture, b: &Picture| metrics::compare(&a.samples, &b.samples, a.width, a.channels);
+        let compare =
+            |a: &Picture, b: &Picture| metrics::compare(&a.samples, &b.samples, a.width, a.channels);
         let stored = compare(&relit, &photograph);
         let mut sum = sum.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         add_errors(&mut sum, &relit, &photograph);
@@ -120,7 +125,7 @@ fn photograph(path: &Path, machine: &Machine) -> Result<Picture, Failure> {
     let space = if picture.info.sample_type.is_float() { Space::Linear } else { Space::Encoded };
     let (width, height, channels) = (picture.info.width, picture.info.height, picture.info.channels);
     let mut samples = vec![0.0; width * height * channels];
-    picture.samples.copy_to(space, 0, &mut samples);
+    picture.samples.copy_to(space, machine.level, 0, &mut samples);
     Ok(Picture { width, height, channels, samples })
 }
 
@@ -169,7 +174,8 @@ impl Evaluation {
             true => format!(" ({:.2} dB on encoded values)", self.mean(|p| p.encoded.psnr)),
             false => String::new(),
         };
-        let worst = self.worst().map_or(String::new(), |p| format!("; worst {:.2} dB, {}", p.stored.psnr, p.name));
+        let worst =
+            self.worst().map_or(String::new(), |p| format!("; worst {:.2} dB, {}", p.stored.psnr, p.name));
         let (psnr, rmse) = (self.mean(|p| p.stored.psnr), self.mean(|p| p.stored.rmse));
         format!("mean PSNR {psnr:.2} dB{encoded}, RMSE {rmse:.4}{worst}")
     }

@@ -115,10 +115,13 @@ mod tests {
     #[test]
     fn keys_become_flags_and_paths_are_relative_to_the_job() {
         let arguments =
-            expanded("input = 'icon 72'\noutput = 'x.ktx2'\nk = 25\nridge = 1e-4\nholdout = 'every:6'", &[]).unwrap();
+            expanded("input = 'icon 72'\noutput = 'x.ktx2'\nk = 25\nridge = 1e-4\nholdout = 'every:6'", &[])
+                .unwrap();
         let sep = std::path::MAIN_SEPARATOR;
         assert!(arguments.contains(&format!("jobs{sep}icon 72")), "{arguments:?}");
-        for expected in [&format!("--output=jobs{sep}x.ktx2"), "--k=25", "--ridge=0.0001", "--holdout=every:6"] {
+        for expected in
+            [&format!("--output=jobs{sep}x.ktx2"), "--k=25", "--ridge=0.0001", "--holdout=every:6"]
+        {
             assert!(arguments.iter().any(|a| a == expected), "{expected} in {arguments:?}");
         }
     }

@@ -33,7 +33,8 @@ pub(crate) struct Machine {
 impl MachineOptions {
     /// Reads the options and sets the number of threads for all that follows.
     pub(crate) fn machine(&self) -> Result<Machine, Failure> {
-        let level = CpuLevel::from_str(&self.cpu).map_err(|e| Failure::new(Exit::Unsupported, e.to_string()))?;
+        let level =
+            CpuLevel::from_str(&self.cpu).map_err(|e| Failure::new(Exit::Unsupported, e.to_string()))?;
         let threads = match self.jobs {
             Some(jobs) => usize::from(jobs),
             None => std::thread::available_parallelism().map_or(1, usize::from),
@@ -83,9 +84,13 @@ mod tests {
 
     #[test]
     fn sizes_are_powers_of_1024() {
-        for (text, bytes) in
-            [("800M", 800 << 20), ("2G", 2u64 << 30), ("1.5g", 3 << 29), ("4194304", 4 << 20), ("64MiB", 64 << 20)]
-        {
+        for (text, bytes) in [
+            ("800M", 800 << 20),
+            ("2G", 2u64 << 30),
+            ("1.5g", 3 << 29),
+            ("4194304", 4 << 20),
+            ("64MiB", 64 << 20),
+        ] {
             assert_eq!(text.parse(), Ok(MemorySize(bytes)), "{text}");
         }
         for text in ["", "G", "-1G", "2X", "nan", "1k", "inf", "1e40"] {

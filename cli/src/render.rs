@@ -4,9 +4,9 @@ use crate::failure::Failure;
 use crate::options::{Machine, MachineOptions};
 use crate::{interrupt, notes, progress};
 use clap::{Args, ValueEnum};
-use relight_core::relighter::{relight, relight_linear, DirectionalLight, Picture};
+use relight_core::relighter::{DirectionalLight, Picture, relight, relight_linear};
 use relight_core::{Direction, RelightingMaps, Space};
-use relight_formats::{picture_depths, read_asset, read_light_file, write_picture, PictureDepth};
+use relight_formats::{PictureDepth, picture_depths, read_asset, read_light_file, write_picture};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -61,7 +61,8 @@ impl Depth {
 /// Numbers separated by commas: `first` of them, then perhaps three of a colour.
 fn numbers_of(text: &str, first: usize) -> Result<(Vec<f64>, [f32; 3]), String> {
     let numbers = text.split(',').map(|part| part.trim().parse::<f64>().map_err(|_| part.to_owned()));
-    let numbers: Vec<f64> = numbers.collect::<Result<_, _>>().map_err(|part| format!("'{part}' is not a number"))?;
+    let numbers: Vec<f64> =
+        numbers.collect::<Result<_, _>>().map_err(|part| format!("'{part}' is not a number"))?;
     let color = match numbers.len() {
         n if n == first => [1.0; 3],
         n if n == first + 3 => [0, 1, 2].map(|c| numbers[first + c] as f32),
@@ -150,7 +151,12 @@ fn jobs_of_file(file: &Path, folder: &Path, depth: Option<Depth>) -> Result<Vec<
 }
 
 /// The picture in the space that files of `depth` hold.
-fn picture(maps: &RelightingMaps, lights: &[DirectionalLight], depth: PictureDepth, machine: &Machine) -> Picture {
+fn picture(
+    maps: &RelightingMaps,
+    lights: &[DirectionalLight],
+    depth: PictureDepth,
+    machine: &Machine,
+) -> Picture {
     match lights {
         // One white light on encoded values needs no way to linear light and back.
         [light] if light.color == [1.0; 3] && !depth.is_linear() => {

@@ -1,8 +1,8 @@
 //! A capture opened for work: its lights matched to pictures whose headers were read and agree.
 
-use crate::light_file::{light_file_in, match_pictures, read_light_file, Capture};
-use crate::picture::{probe, PictureInfo};
 use crate::FormatError;
+use crate::light_file::{Capture, light_file_in, match_pictures, read_light_file};
+use crate::picture::{PictureInfo, probe};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! What is in a file, as names and values.
 
+use crate::FormatError;
 use crate::asset::{ASSET_FORMATS, describe_asset};
 use crate::light_file::read_light_file;
 use crate::picture::probe;
-use crate::FormatError;
 use std::io::Read;
 use std::path::Path;
 
@@ -16,7 +16,8 @@ pub fn describe(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
     let fact = |name: &str, value: String| (name.to_owned(), value);
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("lp")) {
         let file = read_light_file(path)?;
-        let mut facts = vec![fact("kind", "light file (.lp)".to_owned()), fact("lights", file.entries.len().to_string())];
+        let mut facts =
+            vec![fact("kind", "light file (.lp)".to_owned()), fact("lights", file.entries.len().to_string())];
         facts.extend(file.notes.into_iter().map(|note| fact("note", note)));
         return Ok(facts);
     }

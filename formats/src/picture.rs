@@ -6,6 +6,7 @@
 
 mod icc;
 mod jpeg;
+mod jpeg_bytes;
 mod openexr;
 mod png;
 mod radiance;

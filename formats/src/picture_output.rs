@@ -1,8 +1,10 @@
 //! Writing relit pictures: PNG with encoded values, OpenEXR with linear ones.
 
-use crate::output_file::write_whole;
 use crate::FormatError;
-use exr::prelude::{f16, AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage};
+use crate::output_file::write_whole;
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage, f16,
+};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use relight_core::relighter::Picture;
@@ -31,7 +33,10 @@ pub fn picture_depths(path: &Path) -> Result<[PictureDepth; 2], FormatError> {
     match extension.as_deref() {
         Some("png") => Ok([PictureDepth::U8, PictureDepth::U16]),
         Some("exr") => Ok([PictureDepth::F16, PictureDepth::F32]),
-        _ => Err(FormatError::unsupported(path, "pictures are written as .png or .exr; give one of those extensions")),
+        _ => Err(FormatError::unsupported(
+            path,
+            "pictures are written as .png or .exr; give one of those extensions",
+        )),
     }
 }
 
@@ -50,7 +55,8 @@ impl PictureDepth {
 pub fn write_picture(path: &Path, picture: &Picture, depth: PictureDepth) -> Result<(), FormatError> {
     let bytes = match depth {
         PictureDepth::U8 => {
-            let codes: Vec<u8> = picture.samples.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
+            let codes: Vec<u8> =
+                picture.samples.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
             let color = if picture.channels == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
             png(path, picture, &codes, color)?
         }
@@ -65,7 +71,12 @@ pub fn write_picture(path: &Path, picture: &Picture, depth: PictureDepth) -> Res
     write_whole(path, &bytes)
 }
 
-fn png(path: &Path, picture: &Picture, codes: &[u8], color: ExtendedColorType) -> Result<Vec<u8>, FormatError> {
+fn png(
+    path: &Path,
+    picture: &Picture,
+    codes: &[u8],
+    color: ExtendedColorType,
+) -> Result<Vec<u8>, FormatError> {
     let mut bytes = Vec::new();
     let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive);
     encoder

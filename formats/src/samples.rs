@@ -3,7 +3,7 @@
 use crate::picture::{SampleType, Samples};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
-use relight_core::{linear_from_srgb, srgb_from_linear, Space};
+use relight_core::{CpuLevel, Space, linear_from_srgb, srgb_from_linear, unit_values_from_codes};
 
 impl Samples {
     /// How each sample is stored.
@@ -72,15 +72,11 @@ impl Samples {
     ///
     /// # Panics
     /// When the samples end before `out` does.
-    pub fn copy_to(&self, space: Space, first: usize, out: &mut [f32]) {
+    pub fn copy_to(&self, space: Space, level: CpuLevel, first: usize, out: &mut [f32]) {
         let end = first + out.len();
         match self {
             Self::U8(codes) => match space {
-                Space::Encoded => {
-                    for (value, code) in out.iter_mut().zip(&codes[first..end]) {
-                        *value = f32::from(*code) / 255.0;
-                    }
-                }
+                Space::Encoded => unit_values_from_codes(level, &codes[first..end], out),
                 Space::Linear => {
                     for (value, code) in out.iter_mut().zip(&codes[first..end]) {
                         *value = linear_of_code8()[usize::from(*code)];

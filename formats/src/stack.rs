@@ -3,9 +3,9 @@
 //! Each picture is decoded once and kept as stored (8-bit pictures take 1 byte a sample); what
 //! exceeds the memory allowed is written to the temporary file whole and read back span by span.
 
-use crate::positioned::{read_exact_at, write_all_at};
-use crate::picture::{decode, PictureInfo, SampleType, Samples};
 use crate::FormatError;
+use crate::picture::{PictureInfo, SampleType, Samples, decode};
+use crate::positioned::{read_exact_at, write_all_at};
 use rayon::prelude::*;
 use relight_core::{CpuLevel, Space, Stack, StackError, StackRows};
 use std::fs::File;
@@ -39,6 +39,7 @@ pub struct PictureStack {
     height: usize,
     channels: usize,
     space: Space,
+    level: CpuLevel,
     pictures: Vec<Place>,
     spill: Option<File>,
     spill_folder: PathBuf,
@@ -106,7 +107,8 @@ impl PictureStack {
                 }
                 let samples = picture.samples.widened(picture.info.channels, channels);
                 let bytes = samples.bytes();
-                let fits = room.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |room| room.checked_sub(bytes));
+                let fits =
+                    room.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |room| room.checked_sub(bytes));
                 let place = match fits {
                     Ok(_) => Place::Memory(samples),
                     Err(_) => spill.write(&samples)?,
@@ -122,7 +124,8 @@ impl PictureStack {
             .collect();
         let file = spill.file.into_inner().unwrap_or_else(PoisonError::into_inner);
         let spill_folder = settings.spill_folder.to_owned();
-        Ok(Self { width, height, channels, space: settings.space, pictures, spill: file, spill_folder })
+        let (space, level) = (settings.space, settings.level);
+        Ok(Self { width, height, channels, space, level, pictures, spill: file, spill_folder })
     }
 
     /// Bytes in the temporary file.
@@ -143,7 +146,9 @@ struct Spill<'a> {
 
 impl Spill<'_> {
     fn write(&self, samples: &Samples) -> Result<Place, FormatError> {
-        let failed = |source| FormatError::io(self.folder, "write a temporary file (set TMPDIR or raise --memory) in", source);
+        let failed = |source| {
+            FormatError::io(self.folder, "write a temporary file (set TMPDIR or raise --memory) in", source)
+        };
         let offset = self.end.fetch_add(samples.bytes(), Ordering::Relaxed);
         let file = {
             let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
@@ -192,9 +197,14 @@ impl Stack for PictureStack {
                 let mut row = Samples::zeroed(*sample_type, samples.len());
                 let at = offset + (samples.start * sample_type.bytes()) as u64;
                 let file = self.spill.as_ref().ok_or_else(|| std::io::Error::other("no temporary file"));
-                file.and_then(|file| read_exact_at(file, at, row.as_bytes_mut())).map_err(|source| StackError {
-                    context: format!("cannot read back a temporary file in {}", self.spill_folder.display()),
-                    source,
+                file.and_then(|file| read_exact_at(file, at, row.as_bytes_mut())).map_err(|source| {
+                    StackError {
+                        context: format!(
+                            "cannot read back a temporary file in {}",
+                            self.spill_folder.display()
+                        ),
+                        source,
+                    }
                 })?;
                 Ok(Some(row))
             }
@@ -215,8 +225,8 @@ impl StackRows for SpanRows<'_> {
     fn copy(&self, light: usize, first: usize, out: &mut [f32]) {
         let space = self.stack.space;
         match (&self.stack.pictures[light], &self.spilled[light]) {
-            (Place::Memory(samples), _) => samples.copy_to(space, self.start + first, out),
-            (Place::Spilled { .. }, Some(samples)) => samples.copy_to(space, first, out),
+            (Place::Memory(samples), _) => samples.copy_to(space, self.stack.level, self.start + first, out),
+            (Place::Spilled { .. }, Some(samples)) => samples.copy_to(space, self.stack.level, first, out),
             (Place::Spilled { .. }, None) => unreachable!("every spilled row was read back"),
         }
     }

@@ -3,7 +3,7 @@
 use super::BakeArguments;
 use crate::failure::Failure;
 use relight_core::{Basis, Design, Direction};
-use relight_fit::{largest_usable, LeastSquares, Misfit, Sample, LIGHTS_PER_FUNCTION, WORST_CONDITION};
+use relight_fit::{LIGHTS_PER_FUNCTION, LeastSquares, Misfit, Sample, WORST_CONDITION, largest_usable};
 use relight_formats::OpenCapture;
 
 /// The basis to fit.
@@ -67,7 +67,9 @@ pub(super) fn solve(
     let name = |light: usize| &capture.capture.lights.lights[light].name;
     for misfit in &misfits {
         let ratio = misfit.rmse / misfit.expected;
-        let better = misfit.better.map_or(String::new(), |other| format!("; it fits the light of {} better", name(other)));
+        let better = misfit
+            .better
+            .map_or(String::new(), |other| format!("; it fits the light of {} better", name(other)));
         notes.push(format!(
             "picture {} is {ratio:.1} times harder to predict than those around it{better}: check its light",
             name(misfit.light)
@@ -93,13 +95,18 @@ fn deficiency(
     } else if (lights.len() as f64) < LIGHTS_PER_FUNCTION * functions as f64 {
         format!("{} lights for {functions} functions leave little to tell noise from shape", lights.len())
     } else if decomposition.condition() > WORST_CONDITION {
-        format!("the lights determine the {functions} functions poorly (condition {:.1e})", decomposition.condition())
+        format!(
+            "the lights determine the {functions} functions poorly (condition {:.1e})",
+            decomposition.condition()
+        )
     } else {
         return Ok(None);
     };
     let family = fit.basis.family();
     let advice = match largest_usable(family, lights, arguments.srbf()?, functions)? {
-        Some(usable) => format!("the largest {} that these lights carry is -k {}", family.name, usable.basis.count()),
+        Some(usable) => {
+            format!("the largest {} that these lights carry is -k {}", family.name, usable.basis.count())
+        }
         None => format!("these lights carry no {} at all", family.name),
     };
     Ok(Some(format!("{problem}; {advice}")))

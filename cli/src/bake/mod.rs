@@ -8,10 +8,10 @@ use crate::holdout::Holdout;
 use crate::options::{Machine, MachineOptions};
 use crate::{evaluate, interrupt, notes, progress};
 use clap::{Args, ValueEnum};
-use relight_core::basis::{Domain, Kernel, PointSet, Spread, SrbfDesign, FAMILIES};
+use relight_core::basis::{Domain, FAMILIES, Kernel, PointSet, Spread, SrbfDesign};
 use relight_core::{Layout, Model, Space, Stack};
-use relight_fit::{coefficient_ranges, for_each_span, LightWeights, Ridge, Sample};
-use relight_formats::{open_capture, AssetFormat, AssetHeader, OpenCapture, PictureStack, StackSettings};
+use relight_fit::{LightWeights, Ridge, Sample, coefficient_ranges, for_each_span};
+use relight_formats::{AssetFormat, AssetHeader, OpenCapture, PictureStack, StackSettings, open_capture};
 use relight_texture::Precision;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -161,9 +161,19 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let space = arguments.space(&all);
     let choice = fit::choose_basis(arguments, &fitted)?;
     let layout = arguments.layout(&fitted);
-    let mut model =
-        Model { basis: choice.basis.clone(), layout, space, lights: fitted.capture.lights.directions(), figures: None };
-    let header = |model| AssetHeader { width: fitted.infos[0].width, height: fitted.infos[0].height, model, precision };
+    let mut model = Model {
+        basis: choice.basis.clone(),
+        layout,
+        space,
+        lights: fitted.capture.lights.directions(),
+        figures: None,
+    };
+    let header = |model| AssetHeader {
+        width: fitted.infos[0].width,
+        height: fitted.infos[0].height,
+        model,
+        precision,
+    };
     format.check(&arguments.output, &header(model.clone()))?;
 
     let stack = stages.time("decode", || load(&fitted, space, &machine, &arguments.output))?;
@@ -196,10 +206,19 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     drop(stack);
 
     let judged = match &left_out {
-        Some(capture) => Some(stages.time("hold-out", || evaluate::evaluate(&arguments.output, capture, &machine))?),
+        Some(capture) => {
+            Some(stages.time("hold-out", || evaluate::evaluate(&arguments.output, capture, &machine))?)
+        }
         None => None,
     };
-    let summary = report::Summary { fit: &fit, fitted: &fitted, judged: judged.as_ref(), stages: &stages, spilled, precision };
+    let summary = report::Summary {
+        fit: &fit,
+        fitted: &fitted,
+        judged: judged.as_ref(),
+        stages: &stages,
+        spilled,
+        precision,
+    };
     summary.print(&arguments.output);
     if let Some(path) = &arguments.report {
         relight_formats::write_whole(path, summary.json(&arguments.output).as_bytes())?;
@@ -208,12 +227,16 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
 }
 
 /// The pictures to fit, and those to judge the fit by.
-fn split(all: &OpenCapture, holdout: Option<&Holdout>) -> Result<(OpenCapture, Option<OpenCapture>), Failure> {
+fn split(
+    all: &OpenCapture,
+    holdout: Option<&Holdout>,
+) -> Result<(OpenCapture, Option<OpenCapture>), Failure> {
     let (kept, judge) = match holdout {
         None => return Ok((all.clone(), None)),
         Some(Holdout::File(path)) => {
             let judge = open_capture(path)?;
-            let names = judge.capture.pictures.iter().filter_map(|p| p.canonicalize().ok()).collect::<Vec<_>>();
+            let names =
+                judge.capture.pictures.iter().filter_map(|p| p.canonicalize().ok()).collect::<Vec<_>>();
             let is_judge = |path: &Path| path.canonicalize().is_ok_and(|path| names.contains(&path));
             let kept: Vec<usize> =
                 (0..all.infos.len()).filter(|&i| !is_judge(&all.capture.pictures[i])).collect();
@@ -237,7 +260,12 @@ fn split(all: &OpenCapture, holdout: Option<&Holdout>) -> Result<(OpenCapture, O
     Ok((all.select(&kept), Some(judge)))
 }
 
-fn load(capture: &OpenCapture, space: Space, machine: &Machine, output: &Path) -> Result<PictureStack, Failure> {
+fn load(
+    capture: &OpenCapture,
+    space: Space,
+    machine: &Machine,
+    output: &Path,
+) -> Result<PictureStack, Failure> {
     let bar = progress::bar("decoding", capture.infos.len());
     let folder = match std::env::var_os("TMPDIR") {
         Some(folder) => PathBuf::from(folder),
@@ -315,7 +343,10 @@ impl BakeArguments {
             ("kernel", self.kernel.is_some()),
         ];
         if let Some((flag, _)) = given.iter().find(|(_, given)| *given).filter(|_| self.basis != "srbf") {
-            return Err(Failure::usage(format!("--{flag} belongs to --basis srbf; {} has no such choice", self.basis)));
+            return Err(Failure::usage(format!(
+                "--{flag} belongs to --basis srbf; {} has no such choice",
+                self.basis
+            )));
         }
         let default = SrbfDesign::default();
         Ok(SrbfDesign {
@@ -344,4 +375,3 @@ impl BakeArguments {
         }
     }
 }
-

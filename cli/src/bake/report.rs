@@ -1,12 +1,12 @@
 //! What a bake says for itself: a few lines on standard output, everything in `--report`.
 
-use super::fit::BakeFit;
 use super::Stages;
+use super::fit::BakeFit;
 use crate::evaluate::Evaluation;
 use crate::notes;
 use relight_formats::OpenCapture;
 use relight_texture::Precision;
-use serde_json::{json, Value};
+use serde_json::{Value, json};
 use std::path::Path;
 
 /// Everything that a report tells.
@@ -44,7 +44,8 @@ impl Summary<'_> {
             println!("held out, {} pictures: {}", judged.pictures.len(), judged.mean_words());
         }
         let total: f64 = self.stages.0.iter().map(|(_, seconds)| seconds).sum();
-        let stages: Vec<_> = self.stages.0.iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
+        let stages: Vec<_> =
+            self.stages.0.iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
         println!("{total:.2} s: {}", stages.join(", "));
     }
 
@@ -52,17 +53,25 @@ impl Summary<'_> {
     pub(super) fn json(&self, output: &Path) -> String {
         let fit = &self.fit.least_squares;
         let decomposition = &fit.decomposition;
-        let lights: Vec<Value> = self.fitted.capture.lights.lights.iter().enumerate().map(|(i, light)| {
-            json!({
-                "name": light.name,
-                "direction": light.direction,
-                "weight": decomposition.weights[i],
-                "leverage": fit.leave_one_out.leverage[i],
-                "fit_rmse": fit.leave_one_out.fit[i],
-                "leave_one_out_rmse": finite(fit.leave_one_out.left_out[i]),
-                "misfit": self.fit.misfits.iter().any(|misfit| misfit.light == i),
+        let lights: Vec<Value> = self
+            .fitted
+            .capture
+            .lights
+            .lights
+            .iter()
+            .enumerate()
+            .map(|(i, light)| {
+                json!({
+                    "name": light.name,
+                    "direction": light.direction,
+                    "weight": decomposition.weights[i],
+                    "leverage": fit.leave_one_out.leverage[i],
+                    "fit_rmse": fit.leave_one_out.fit[i],
+                    "leave_one_out_rmse": finite(fit.leave_one_out.left_out[i]),
+                    "misfit": self.fit.misfits.iter().any(|misfit| misfit.light == i),
+                })
             })
-        }).collect();
+            .collect();
         let stages: serde_json::Map<String, Value> =
             self.stages.0.iter().map(|(name, seconds)| ((*name).to_owned(), json!(seconds))).collect();
         let report = json!({

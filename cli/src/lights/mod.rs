@@ -7,11 +7,13 @@ use crate::options::{Machine, MachineOptions};
 use crate::{interrupt, notes, progress};
 use clap::Args;
 use rayon::prelude::*;
-use relight_core::basis::{SrbfDesign, FAMILIES};
+use relight_core::basis::{FAMILIES, SrbfDesign};
 use relight_core::sphere::largest_hole;
 use relight_core::{Design, Direction, LightSet};
-use relight_fit::{largest_usable, usability, Usability};
-use relight_formats::{decode, light_file_in, match_pictures, read_light_file, unmatched, Capture, LightFile, Samples};
+use relight_fit::{Usability, largest_usable, usability};
+use relight_formats::{
+    Capture, LightFile, Samples, decode, light_file_in, match_pictures, read_light_file, unmatched,
+};
 use std::path::PathBuf;
 
 /// What to examine.
@@ -63,10 +65,10 @@ pub(crate) fn run(arguments: &LightsArguments) -> Result<(), Failure> {
 }
 
 fn light_set(file: &LightFile) -> LightSet {
-    let lights = file.entries.iter().map(|entry| relight_core::Light {
-        name: entry.name.clone(),
-        direction: entry.direction,
-    });
+    let lights = file
+        .entries
+        .iter()
+        .map(|entry| relight_core::Light { name: entry.name.clone(), direction: entry.direction });
     LightSet { lights: lights.collect() }
 }
 

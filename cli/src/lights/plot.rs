@@ -2,10 +2,10 @@
 
 use crate::failure::Failure;
 use font8x8::UnicodeFonts;
+use relight_core::LightSet;
 use relight_core::relighter::Picture;
 use relight_core::sphere::largest_hole;
-use relight_core::LightSet;
-use relight_formats::{write_picture, write_whole, PictureDepth};
+use relight_formats::{PictureDepth, write_picture, write_whole};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -83,7 +83,11 @@ fn svg(shapes: &[Shape]) -> String {
         // Writing to a string can't fail.
         let _ = match shape {
             Shape::Disc { x, y, radius, color } => {
-                writeln!(text, "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius:.2}\" fill=\"{}\"/>", hex(color))
+                writeln!(
+                    text,
+                    "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius:.2}\" fill=\"{}\"/>",
+                    hex(color)
+                )
             }
             Shape::Ring { x, y, radius, width, color } => writeln!(
                 text,

@@ -22,6 +22,7 @@ pub mod relighter;
 pub mod sphere;
 mod stack;
 mod transfer;
+mod unit_values;
 pub mod weighted_sums;
 
 pub use basis::{Basis, BasisError, Design, Family};
@@ -32,3 +33,4 @@ pub use maps::{CoefficientMap, CoefficientSpan, RelightingMap, RelightingMaps, T
 pub use model::{FitFigures, Layout, Model, PlaneRole, Space};
 pub use stack::{Stack, StackError, StackRows};
 pub use transfer::{LUMINANCE, linear_from_srgb, luminance, srgb_from_linear};
+pub use unit_values::unit_values_from_codes;

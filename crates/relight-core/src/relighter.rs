@@ -6,7 +6,7 @@
 use crate::maps::RelightingMaps;
 use crate::model::{PlaneRole, Space};
 use crate::transfer::{linear_from_srgb, srgb_from_linear};
-use crate::weighted_sums::{weighted_sums, Rows};
+use crate::weighted_sums::{Rows, weighted_sums};
 use crate::{CpuLevel, Direction};
 use rayon::prelude::*;
 

@@ -107,9 +107,8 @@ macro_rules! kernel {
             #[target_feature(enable = $features)]
             fn block_of<const R: usize>(weights: &[f32], input: &[f32], output: &mut [f32], shape: Shape) {
                 // The weights of a term side by side, so that the inner loop walks one array.
-                let by_term: Vec<[f32; R]> = (0..shape.terms)
-                    .map(|i| std::array::from_fn(|r| weights[r * shape.terms + i]))
-                    .collect();
+                let by_term: Vec<[f32; R]> =
+                    (0..shape.terms).map(|i| std::array::from_fn(|r| weights[r * shape.terms + i])).collect();
                 let mut x = 0;
                 while x + 2 * LANES <= shape.width {
                     let mut sums = [[$zero(); 2]; R];
@@ -143,13 +142,27 @@ macro_rules! kernel {
 kernel!(sse2, "sse2", 4, _mm_setzero_ps, _mm_set1_ps, _mm_loadu_ps, _mm_storeu_ps, _mm_add_ps, _mm_mul_ps);
 #[cfg(target_arch = "x86_64")]
 kernel!(
-    avx2, "avx2", 8, _mm256_setzero_ps, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_add_ps,
+    avx2,
+    "avx2",
+    8,
+    _mm256_setzero_ps,
+    _mm256_set1_ps,
+    _mm256_loadu_ps,
+    _mm256_storeu_ps,
+    _mm256_add_ps,
     _mm256_mul_ps
 );
 #[cfg(target_arch = "x86_64")]
 kernel!(
-    avx512, "avx512f", 16, _mm512_setzero_ps, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps,
-    _mm512_add_ps, _mm512_mul_ps
+    avx512,
+    "avx512f",
+    16,
+    _mm512_setzero_ps,
+    _mm512_set1_ps,
+    _mm512_loadu_ps,
+    _mm512_storeu_ps,
+    _mm512_add_ps,
+    _mm512_mul_ps
 );
 
 #[cfg(test)]
@@ -187,7 +200,14 @@ mod tests {
                 for level in CpuLevel::available() {
                     let mut output = vec![f32::NAN; rows * stride];
                     let (samples, out) = (&input[..], &mut output[..]);
-                    weighted_sums(level, &matrix, terms, Rows { samples, stride }, Rows { samples: out, stride }, width);
+                    weighted_sums(
+                        level,
+                        &matrix,
+                        terms,
+                        Rows { samples, stride },
+                        Rows { samples: out, stride },
+                        width,
+                    );
                     let same = expected.iter().zip(&output).all(|(a, b)| a.to_bits() == b.to_bits());
                     assert!(same, "{} differs at {rows} x {terms} x {width}", level.name());
                 }

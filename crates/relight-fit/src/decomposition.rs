@@ -57,7 +57,8 @@ impl Decomposition {
             LightWeights::Voronoi => voronoi_weights(directions),
             LightWeights::Uniform => vec![1.0; lights],
         };
-        let weighted = DMatrix::from_fn(lights, functions, |i, j| weights[i].sqrt() * design[i * functions + j]);
+        let weighted =
+            DMatrix::from_fn(lights, functions, |i, j| weights[i].sqrt() * design[i * functions + j]);
         let svd = weighted.svd(true, true);
         let rank = svd.singular_values.len();
         let mut order: Vec<usize> = (0..rank).collect();

@@ -24,8 +24,12 @@ impl fmt::Display for FitError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NoLights => write!(f, "a fit needs at least 1 light; the light set has 0"),
-            Self::Ridge { ridge } => write!(f, "ridge {ridge} is outside 0..1; give a value in that range or 'auto'"),
-            Self::GreyHasNoColor => write!(f, "the pictures are grey, so there is no base colour to store; use --color rgb"),
+            Self::Ridge { ridge } => {
+                write!(f, "ridge {ridge} is outside 0..1; give a value in that range or 'auto'")
+            }
+            Self::GreyHasNoColor => {
+                write!(f, "the pictures are grey, so there is no base colour to store; use --color rgb")
+            }
             Self::Stack(error) => write!(f, "{error}"),
         }
     }

@@ -5,16 +5,16 @@
 
 mod decomposition;
 mod error;
-mod leave_one_out;
 mod least_squares;
+mod leave_one_out;
 mod rebin;
 mod sample;
 mod usable;
 
 pub use decomposition::{Decomposition, LightWeights, RANK_TOLERANCE};
 pub use error::FitError;
-pub use leave_one_out::{LeaveOneOut, Misfit};
 pub use least_squares::{LeastSquares, Ridge};
-pub use rebin::{coefficient_ranges, fit_map, for_each_span, SPAN};
+pub use leave_one_out::{LeaveOneOut, Misfit};
+pub use rebin::{SPAN, coefficient_ranges, fit_map, for_each_span};
 pub use sample::Sample;
-pub use usable::{largest_usable, usability, Usability, LIGHTS_PER_FUNCTION, WORST_CONDITION};
+pub use usable::{LIGHTS_PER_FUNCTION, Usability, WORST_CONDITION, largest_usable, usability};

@@ -6,15 +6,15 @@
 
 use crate::{FitError, LeastSquares};
 use rayon::prelude::*;
-use relight_core::weighted_sums::{weighted_sums, Rows};
-use relight_core::{CoefficientMap, CoefficientSpan, CpuLevel, Layout, Model, Stack, LUMINANCE};
+use relight_core::weighted_sums::{Rows, weighted_sums};
+use relight_core::{CoefficientMap, CoefficientSpan, CpuLevel, LUMINANCE, Layout, Model, Stack};
 use relight_texture::Range;
 
 /// Pixels of a span.
 pub const SPAN: usize = 8192;
 
 /// Bytes of f32 values that a tile of all lights may take: a part of every L2 cache since 2015.
-const TILE_BYTES: usize = 192 << 10;
+const TILE_BYTES: usize = 384 << 10;
 
 /// Pixels of a tile: what fits [`TILE_BYTES`], a multiple of 16 samples for the kernel's lanes.
 fn tile_pixels(lights: usize, channels: usize) -> usize {
@@ -198,9 +198,9 @@ fn channel_ranges(row: &[f32]) -> [Range; 3] {
         }
     }
     std::array::from_fn(|channel| {
-        (channel..WIDTH).step_by(3).fold(Range::EMPTY, |range, lane| {
-            range.union(Range { min: min[lane], max: max[lane] })
-        })
+        (channel..WIDTH)
+            .step_by(3)
+            .fold(Range::EMPTY, |range, lane| range.union(Range { min: min[lane], max: max[lane] }))
     })
 }
 

@@ -1,13 +1,13 @@
 //! A bounded sample of pixels, by which a fit is judged in closed form.
 
-use relight_core::{Stack, StackError};
 use rayon::prelude::*;
+use relight_core::{Stack, StackError};
 
 /// Pixels side by side in a run: a spilled picture is read a run at a time.
 const RUN: usize = 16;
 
-/// Runs of a sample; 16,384 pixels decide a ridge as well as a million do.
-const RUNS: usize = 1024;
+/// Runs of a sample; 8,192 pixels decide a ridge as well as a million do.
+const RUNS: usize = 512;
 
 /// The inner products of all pictures over a sample of pixels.
 #[derive(Clone, Debug)]
@@ -32,7 +32,7 @@ fn run_starts(pixels: usize) -> Vec<usize> {
 }
 
 impl Sample {
-    /// Takes up to 16,384 pixels of `stack` in runs spread over the picture, the same for every
+    /// Takes up to 8,192 pixels of `stack` in runs spread over the picture, the same for every
     /// stack of that size.
     ///
     /// # Errors
@@ -91,8 +91,12 @@ impl Sample {
 fn inner_product(a: &[f32], b: &[f32]) -> f64 {
     let mut sums = [0.0f64; 8];
     let (chunks_a, chunks_b) = (a.chunks_exact(8), b.chunks_exact(8));
-    let tail: f64 =
-        chunks_a.remainder().iter().zip(chunks_b.remainder()).map(|(x, y)| f64::from(*x) * f64::from(*y)).sum();
+    let tail: f64 = chunks_a
+        .remainder()
+        .iter()
+        .zip(chunks_b.remainder())
+        .map(|(x, y)| f64::from(*x) * f64::from(*y))
+        .sum();
     for (x, y) in chunks_a.zip(chunks_b) {
         for lane in 0..8 {
             sums[lane] += f64::from(x[lane]) * f64::from(y[lane]);
@@ -107,7 +111,7 @@ mod tests {
 
     #[test]
     fn runs_stay_apart_and_inside() {
-        for pixels in [1, 15, 16, 17, 16_384, 16_385, 1_000_003] {
+        for pixels in [1, 15, 16, 17, 8192, 8193, 1_000_003] {
             let starts = run_starts(pixels);
             assert!(starts.windows(2).all(|w| w[1] >= w[0] + RUN), "{pixels}");
             let last = *starts.last().unwrap();

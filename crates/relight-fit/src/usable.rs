@@ -50,7 +50,8 @@ pub fn largest_usable(
 ) -> Result<Option<Usability>, BasisError> {
     let counts = family.counts_up_to(limit);
     let stepped = counts.len() > 20;
-    let tried = counts.into_iter().rev().filter(|&count| !stepped || count == limit || count.isqrt().pow(2) == count);
+    let tried =
+        counts.into_iter().rev().filter(|&count| !stepped || count == limit || count.isqrt().pow(2) == count);
     for count in tried {
         if (lights.len() as f64) < LIGHTS_PER_FUNCTION * count as f64 {
             continue;

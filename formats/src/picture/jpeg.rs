@@ -5,13 +5,14 @@
 //! files that break off within the last row of blocks or have their end marker early. Therefore the
 //! end marker is looked for first, and what stands before it makes the decoder trip.
 
+use super::jpeg_bytes::JpegBytes;
 use super::{DecodedPicture, PictureInfo, SampleType, Samples, Source, check_memory, checked_size, icc};
 use crate::FormatError;
 use image::metadata::Orientation;
 use relight_core::CpuLevel;
 use std::io::{self, BufRead, Cursor};
 use std::path::Path;
-use zune_core::bytestream::ZCursor;
+
 use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
@@ -57,7 +58,7 @@ pub(super) fn decode(
         .set_max_width(LARGEST_SIDE)
         .set_max_height(LARGEST_SIDE)
         .jpeg_set_out_colorspace(color_space);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&bytes), options);
+    let mut decoder = JpegDecoder::new_with_options(JpegBytes::new(&bytes), options);
     let mut samples = vec![0; info.bytes() as usize];
     decoder.decode_headers().map_err(|error| damaged(path, error))?;
     if decoder.output_buffer_size() != Some(samples.len()) {
