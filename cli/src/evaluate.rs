@@ -110,13 +110,27 @@ pub(crate) fn evaluate(
         bar.inc(1);
         Ok(PictureFigures { name: light.name.clone(), stored, encoded })
     };
-    let pictures = (0..capture.infos.len()).into_par_iter().map(figures).collect::<Result<Vec<_>, _>>()?;
+    let at_once = pictures_at_once(&maps, machine);
+    let all: Vec<usize> = (0..capture.infos.len()).collect();
+    let mut pictures = Vec::with_capacity(all.len());
+    for group in all.chunks(at_once) {
+        pictures.extend(group.par_iter().map(|&i| figures(i)).collect::<Result<Vec<_>, _>>()?);
+    }
     bar.finish_and_clear();
     let count = pictures.len() as f64;
     let sum = sum.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     let samples = sum.into_iter().map(|error| (error / count) as f32).collect();
     let mean_error = Picture { width: maps.width, height: maps.height, channels: 1, samples };
     Ok(Evaluation { pictures, linear, mean_error })
+}
+
+/// How many pictures are compared side by side within the memory that the asset leaves.
+fn pictures_at_once(maps: &RelightingMaps, machine: &Machine) -> usize {
+    let texels: u64 = maps.planes.iter().map(|plane| plane.texels.bytes()).sum();
+    // Relit and photographed in f32, encoded or widened once more, and as decoded.
+    let picture = maps.pixels() as u64 * 3 * 4 * 5;
+    let room = machine.memory.saturating_sub(texels) / picture.max(1);
+    room.clamp(1, machine.threads as u64) as usize
 }
 
 /// A photograph as f32 values in its own space.

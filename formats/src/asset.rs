@@ -14,7 +14,8 @@ mod texels;
 
 use crate::FormatError;
 use relight_core::{CoefficientSpan, Layout, Model, RelightingMaps};
-use relight_texture::{Precision, Quantizer, Range};
+use relight_core::CoefficientRange;
+use relight_texture::{Precision, Quantizer};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -70,7 +71,7 @@ pub struct AssetFormat {
     pub magic: &'static [u8],
     /// Why it can't hold a model whose layout and precision it does hold.
     refusal: fn(&Model) -> Option<String>,
-    create: fn(&Path, AssetHeader, &[Range], u64) -> Created,
+    create: fn(&Path, AssetHeader, &[CoefficientRange], u64) -> Created,
     read: fn(&Path, u64) -> Result<RelightingMaps, FormatError>,
     summarize: fn(&Path) -> Result<(AssetHeader, Details), FormatError>,
 }
@@ -190,7 +191,7 @@ impl AssetFormat {
         &self,
         path: &Path,
         header: AssetHeader,
-        ranges: &[Range],
+        ranges: &[CoefficientRange],
         memory_limit: u64,
     ) -> Result<Box<dyn AssetWriter>, FormatError> {
         self.check(path, &header)?;
@@ -340,8 +341,8 @@ fn plane_names(model: &Model) -> Vec<String> {
 }
 
 /// A quantizer for each plane.
-fn quantizers(path: &Path, header: &AssetHeader, ranges: &[Range]) -> Result<Vec<Quantizer>, FormatError> {
-    let plain = Range { min: 0.0, max: 1.0 };
+fn quantizers(path: &Path, header: &AssetHeader, ranges: &[CoefficientRange]) -> Result<Vec<Quantizer>, FormatError> {
+    let plain = CoefficientRange { min: 0.0, max: 1.0 };
     let ranges = (0..header.model.plane_count()).map(|plane| ranges.get(plane).copied().unwrap_or(plain));
     let quantizers: Vec<_> = ranges.map(|range| header.precision.quantizer(range)).collect();
     let finite = |q: &Quantizer| q.scale.is_finite() && q.bias.is_finite();

@@ -11,7 +11,8 @@ use relight_core::{
 };
 use relight_formats::FormatError;
 use relight_formats::asset::{ASSET_FORMATS, AssetFormat, AssetHeader, describe_asset, read_asset};
-use relight_texture::{Precision, Range};
+use relight_core::CoefficientRange;
+use relight_texture::Precision;
 use std::alloc::{GlobalAlloc, Layout as MemoryLayout, System};
 use std::fs;
 use std::path::Path;
@@ -82,9 +83,9 @@ fn lopsided(
 }
 
 impl Lopsided {
-    fn ranges(&self) -> Vec<Range> {
+    fn ranges(&self) -> Vec<CoefficientRange> {
         let range =
-            |plane: &Vec<f32>| plane.iter().fold(Range::EMPTY, |all, &c| all.union(Range { min: c, max: c }));
+            |plane: &Vec<f32>| plane.iter().fold(CoefficientRange::EMPTY, |all, &c| all.union(CoefficientRange { min: c, max: c }));
         self.planes.iter().map(range).collect()
     }
 

@@ -29,7 +29,7 @@ pub use basis::{Basis, BasisError, Design, Family};
 pub use cpu::{CpuLevel, UnsupportedCpuLevel};
 pub use direction::{Direction, DirectionError};
 pub use light_set::{Light, LightSet};
-pub use maps::{CoefficientMap, CoefficientSpan, RelightingMap, RelightingMaps, Texels};
+pub use maps::{CoefficientMap, CoefficientRange, CoefficientSpan, RelightingMap, RelightingMaps, Texels};
 pub use model::{FitFigures, Layout, Model, PlaneRole, Space};
 pub use stack::{Stack, StackError, StackRows};
 pub use transfer::{LUMINANCE, linear_from_srgb, luminance, srgb_from_linear};

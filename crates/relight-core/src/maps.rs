@@ -32,6 +32,25 @@ pub struct CoefficientSpan<'a> {
     pub base_color: &'a [f32],
 }
 
+/// Least and largest coefficient of a plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoefficientRange {
+    /// The least; infinite while nothing was seen.
+    pub min: f32,
+    /// The largest; minus infinite while nothing was seen.
+    pub max: f32,
+}
+
+impl CoefficientRange {
+    /// The range of nothing.
+    pub const EMPTY: Self = Self { min: f32::INFINITY, max: f32::NEG_INFINITY };
+
+    /// The range that holds both.
+    pub fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+}
+
 /// Codes of one plane.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Texels {
@@ -77,18 +96,19 @@ impl Texels {
         }
     }
 
+    /// Bytes that they take.
+    pub fn bytes(&self) -> u64 {
+        let texel = match self {
+            Self::U8(_) => 1,
+            Self::F16(_) => 2,
+            Self::F32(_) => 4,
+        };
+        self.len() as u64 * texel
+    }
+
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
-    }
-
-    /// `u8`, `f16` or `f32`.
-    pub fn precision(&self) -> &'static str {
-        match self {
-            Self::U8(_) => "u8",
-            Self::F16(_) => "f16",
-            Self::F32(_) => "f32",
-        }
     }
 }
 

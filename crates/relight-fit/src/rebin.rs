@@ -7,8 +7,7 @@
 use crate::{FitError, LeastSquares};
 use rayon::prelude::*;
 use relight_core::weighted_sums::{Rows, weighted_sums};
-use relight_core::{CoefficientMap, CoefficientSpan, CpuLevel, LUMINANCE, Layout, Model, Stack};
-use relight_texture::Range;
+use relight_core::{CoefficientMap, CoefficientRange, CoefficientSpan, CpuLevel, LUMINANCE, Layout, Model, Stack};
 
 /// Pixels of a span.
 pub const SPAN: usize = 8192;
@@ -154,11 +153,11 @@ pub fn coefficient_ranges<E: From<FitError> + Send>(
     layout: Layout,
     level: CpuLevel,
     check: impl Fn() -> Result<(), E> + Sync,
-) -> Result<Vec<Range>, E> {
+) -> Result<Vec<CoefficientRange>, E> {
     let channels = if layout == Layout::Rgb { 3 } else { 1 };
     let colors = if layout == Layout::Lrgb { 3 } else { 0 };
     let planes = fit.basis.count() * channels + colors;
-    let total = std::sync::Mutex::new(vec![Range::EMPTY; planes]);
+    let total = std::sync::Mutex::new(vec![CoefficientRange::EMPTY; planes]);
     for_each_span(stack, fit, layout, level, |span| {
         check()?;
         let mut ranges = Vec::with_capacity(planes);
@@ -182,7 +181,7 @@ pub fn coefficient_ranges<E: From<FitError> + Send>(
 }
 
 /// Ranges of the samples 0, 3, 6 ..; 1, 4, 7 ..; and 2, 5, 8 .. of `row`.
-fn channel_ranges(row: &[f32]) -> [Range; 3] {
+fn channel_ranges(row: &[f32]) -> [CoefficientRange; 3] {
     /// A multiple of three channels and of the SIMD lanes.
     const WIDTH: usize = 24;
     let (mut min, mut max) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
@@ -200,7 +199,7 @@ fn channel_ranges(row: &[f32]) -> [Range; 3] {
     std::array::from_fn(|channel| {
         (channel..WIDTH)
             .step_by(3)
-            .fold(Range::EMPTY, |range, lane| range.union(Range { min: min[lane], max: max[lane] }))
+            .fold(CoefficientRange::EMPTY, |range, lane| range.union(CoefficientRange { min: min[lane], max: max[lane] }))
     })
 }
 

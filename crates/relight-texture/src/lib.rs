@@ -2,4 +2,4 @@
 
 mod quantize;
 
-pub use quantize::{Precision, Quantizer, Range};
+pub use quantize::{Precision, Quantizer};

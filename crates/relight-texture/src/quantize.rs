@@ -1,6 +1,7 @@
 //! Scale, bias and codes: coefficient = scale * q + bias.
 
 use half::f16;
+use relight_core::CoefficientRange;
 
 /// How a coefficient is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,15 +12,6 @@ pub enum Precision {
     F16,
     /// IEEE single.
     F32,
-}
-
-/// Least and largest coefficient of a plane.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
-    /// The least; infinite while nothing was seen.
-    pub min: f32,
-    /// The largest; minus infinite while nothing was seen.
-    pub max: f32,
 }
 
 /// What turns coefficients of one plane into codes.
@@ -54,7 +46,7 @@ impl Precision {
     ///
     /// Floats are stored as they are; halves too unless the range leaves theirs (65504) or lies
     /// among their denormals throughout, in which case the scale brings the largest magnitude to 1.
-    pub fn quantizer(self, range: Range) -> Quantizer {
+    pub fn quantizer(self, range: CoefficientRange) -> Quantizer {
         let plain = Quantizer { scale: 1.0, bias: 0.0 };
         match self {
             Self::U8 => Quantizer::over(range),
@@ -71,20 +63,10 @@ impl Precision {
     }
 }
 
-impl Range {
-    /// The range of nothing.
-    pub const EMPTY: Self = Self { min: f32::INFINITY, max: f32::NEG_INFINITY };
-
-    /// The range that holds both.
-    pub fn union(self, other: Self) -> Self {
-        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-}
-
 impl Quantizer {
     /// 8-bit codes 0..255 over `range`: the least coefficient is code 0, the largest 255. A range
     /// without width stores its value exactly as the bias.
-    pub fn over(range: Range) -> Self {
+    pub fn over(range: CoefficientRange) -> Self {
         if range.min > range.max {
             return Self { scale: 0.0, bias: 0.0 };
         }
@@ -117,7 +99,7 @@ mod tests {
     #[test]
     fn codes_are_the_nearest_and_the_ends_are_exact() {
         for (min, max) in [(-3.0f32, 5.0f32), (-9.0, -2.0), (1e-30, 3e-30), (-1e30, 2e30)] {
-            let q = Quantizer::over(Range { min, max });
+            let q = Quantizer::over(CoefficientRange { min, max });
             assert_eq!((q.code(min), q.code(max)), (0, 255));
             for i in 0..=1000 {
                 let c = min + (max - min) * (i as f32 / 1000.0);
@@ -129,18 +111,18 @@ mod tests {
 
     #[test]
     fn a_constant_plane_is_exact_and_an_empty_one_is_zero() {
-        let q = Quantizer::over(Range { min: 0.3, max: 0.3 });
+        let q = Quantizer::over(CoefficientRange { min: 0.3, max: 0.3 });
         assert_eq!(q.scale * (f32::from(q.code(0.3)) / 255.0) + q.bias, 0.3);
-        assert_eq!(Quantizer::over(Range::EMPTY), Quantizer { scale: 0.0, bias: 0.0 });
-        let denormal = Quantizer::over(Range { min: 0.0, max: 1e-42 });
+        assert_eq!(Quantizer::over(CoefficientRange::EMPTY), Quantizer { scale: 0.0, bias: 0.0 });
+        let denormal = Quantizer::over(CoefficientRange { min: 0.0, max: 1e-42 });
         assert_eq!(denormal.code(1e-42), 0, "a width below 1e-36 is no width");
     }
 
     #[test]
     fn halves_keep_their_value_unless_they_would_overflow() {
-        let plain = Precision::F16.quantizer(Range { min: -2.0, max: 7.0 });
+        let plain = Precision::F16.quantizer(CoefficientRange { min: -2.0, max: 7.0 });
         assert_eq!(plain.half(0.333).to_f32(), f16::from_f32(0.333).to_f32());
-        let huge = Precision::F16.quantizer(Range { min: -1e6, max: 3e5 });
+        let huge = Precision::F16.quantizer(CoefficientRange { min: -1e6, max: 3e5 });
         assert_eq!(huge.half(-1e6).to_f32() * huge.scale, -1e6);
     }
 }

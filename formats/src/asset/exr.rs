@@ -14,7 +14,8 @@ use exr::meta::header::Header;
 use exr::prelude::{AttributeValue, ChannelDescription, Compression, LineOrder, SampleType, Text, Vec2};
 use half::f16;
 use relight_core::{CoefficientSpan, Layout};
-use relight_texture::{Precision, Range};
+use relight_core::CoefficientRange;
+use relight_texture::Precision;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -44,7 +45,7 @@ struct ExrWriter {
 pub(super) fn create(
     path: &Path,
     header: AssetHeader,
-    _ranges: &[Range],
+    _ranges: &[CoefficientRange],
     memory_limit: u64,
 ) -> Result<Box<dyn AssetWriter>, FormatError> {
     let (width, height) = (header.width, header.height);

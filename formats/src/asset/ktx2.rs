@@ -8,7 +8,8 @@ use super::{AssetHeader, AssetWriter, assert_shape, check_complete, quantizers};
 use crate::{FormatError, OutputFile};
 use ktx2::{Format, Header, Index, LevelIndex};
 use relight_core::{CoefficientSpan, Layout, Model};
-use relight_texture::{Precision, Quantizer, Range};
+use relight_core::CoefficientRange;
+use relight_texture::{Precision, Quantizer};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -60,7 +61,7 @@ struct Ktx2Writer {
 pub(super) fn create(
     path: &Path,
     header: AssetHeader,
-    ranges: &[Range],
+    ranges: &[CoefficientRange],
     _memory_limit: u64,
 ) -> Result<Box<dyn AssetWriter>, FormatError> {
     let too_large = |what| FormatError::invalid(path, format!("{what} exceed what KTX2 can count"));

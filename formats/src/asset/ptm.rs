@@ -7,7 +7,8 @@ use super::texels::code;
 use super::{AssetHeader, AssetWriter, assert_shape, check_complete, quantizers};
 use crate::{FormatError, OutputFile};
 use relight_core::{Basis, CoefficientSpan, Layout, Model, Space};
-use relight_texture::{Quantizer, Range};
+use relight_core::CoefficientRange;
+use relight_texture::Quantizer;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -46,7 +47,7 @@ struct PtmWriter {
 pub(super) fn create(
     path: &Path,
     header: AssetHeader,
-    ranges: &[Range],
+    ranges: &[CoefficientRange],
     _memory_limit: u64,
 ) -> Result<Box<dyn AssetWriter>, FormatError> {
     // For its check that they are finite.
@@ -56,15 +57,15 @@ pub(super) fn create(
         Layout::Rgb | Layout::Grey => ("PTM_FORMAT_RGB", 3),
     };
     let (coefficients, base) = ranges.split_at(FUNCTIONS * planes_per_function);
-    let base = base.iter().fold(Range::EMPTY, |all, &range| all.union(range));
+    let base = base.iter().fold(CoefficientRange::EMPTY, |all, &range| all.union(range));
     // A thousandth beyond is rounding; more would be clipped unsaid.
     if base.max > 1.001 || base.min < -0.001 {
-        let Range { min, max } = base;
+        let CoefficientRange { min, max } = base;
         return Err(FormatError::invalid(path, format!("base colours {min}..{max} leave 0..1 of .ptm")));
     }
     let scale_bias: Vec<_> = coefficients
         .chunks(planes_per_function)
-        .map(|ranges| scale_bias_of(ranges.iter().fold(Range::EMPTY, |all, &range| all.union(range))))
+        .map(|ranges| scale_bias_of(ranges.iter().fold(CoefficientRange::EMPTY, |all, &range| all.union(range))))
         .collect();
     let joined = |words: Vec<String>| words.join(" ");
     let head = format!(
@@ -83,7 +84,7 @@ pub(super) fn create(
 
 /// Scale and bias of a function whose coefficients lie in `range`, such that their codes are 0..255
 /// after the bias was rounded to an integer, which is why 254 steps span the range.
-fn scale_bias_of(range: Range) -> (f32, i32) {
+fn scale_bias_of(range: CoefficientRange) -> (f32, i32) {
     let (min, max) = (f64::from(range.min) * 255.0, f64::from(range.max) * 255.0);
     let largest = min.abs().max(max.abs());
     let scale = ((max - min) / 254.0).max(largest / LARGEST_BIAS) as f32;
@@ -164,7 +165,7 @@ mod tests {
     fn no_coefficient_is_clipped_and_each_comes_back_within_half_a_step() {
         let ranges = [(0.0, 1.0), (-0.7, 0.31), (0.4, 0.5), (-3.0, -2.9), (0.5, 0.5), (0.3, 0.300_001)];
         for (min, max) in ranges {
-            let (scale, bias) = scale_bias_of(Range { min, max });
+            let (scale, bias) = scale_bias_of(CoefficientRange { min, max });
             assert!((-33000..=33000).contains(&bias), "{min}..{max}: bias {bias}");
             let quantizer = quantizer_of(scale, f64::from(bias));
             for i in 0..=1000 {
@@ -175,7 +176,7 @@ mod tests {
                 assert!(error <= f64::from(scale) / 255.0 * 0.51, "{c} came back as {back}");
             }
         }
-        assert_eq!(scale_bias_of(Range { min: 0.0, max: 0.0 }), (1.0, 0));
-        assert_eq!(scale_bias_of(Range::EMPTY), (1.0, 0));
+        assert_eq!(scale_bias_of(CoefficientRange { min: 0.0, max: 0.0 }), (1.0, 0));
+        assert_eq!(scale_bias_of(CoefficientRange::EMPTY), (1.0, 0));
     }
 }

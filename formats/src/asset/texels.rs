@@ -122,13 +122,13 @@ fn rgba_codes(rgb: &[f32], bias: [f32; 3], codes_per_unit: [f32; 3], texels: &mu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relight_texture::Range;
+    use relight_core::CoefficientRange;
 
     #[test]
     fn codes_are_the_quantizers_for_every_kind_of_float() {
         let ranges = [(-3.0, 5.0), (0.3, 0.3), (-1e30, 2e30), (1e-30, 3e-30)];
         for (min, max) in ranges {
-            let quantizer = Quantizer::over(Range { min, max });
+            let quantizer = Quantizer::over(CoefficientRange { min, max });
             let steps = (0..=4096u32).map(|i| min - (max - min) + 3.0 * (max - min) * (i as f32 / 4096.0));
             // Every exponent and sign, NaN and infinities among them.
             let patterns = (0..=0xffffu32).map(|high| f32::from_bits(high << 16 | 0x1234));
@@ -144,7 +144,7 @@ mod tests {
     fn speed_of_rgb_texels() {
         let (pixels, layers) = (1 << 20, 25);
         let rgb: Vec<f32> = (0..pixels * 3).map(|i| ((i * 7919) % 10007) as f32 / 10007.0).collect();
-        let quantizers = [Quantizer::over(Range { min: 0.0, max: 1.0 }); 3];
+        let quantizers = [Quantizer::over(CoefficientRange { min: 0.0, max: 1.0 }); 3];
         for precision in [Precision::U8, Precision::F16, Precision::F32] {
             let mut buffer = TexelBuffer::default();
             let start = std::time::Instant::now();
