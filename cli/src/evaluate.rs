@@ -1,7 +1,7 @@
 //! `relight evaluate`: an asset beside photographs, light by light.
 
 use crate::failure::{Exit, Failure};
-use crate::options::{Machine, MachineOptions};
+use crate::options::{Machine, MachineOptions, check_writable};
 use crate::{interrupt, notes, progress};
 use clap::Args;
 use rayon::prelude::*;
@@ -54,6 +54,9 @@ const HEATMAP_FULL: f32 = 0.25;
 /// Runs the subcommand.
 pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
+    if let Some(path) = &arguments.heatmap {
+        check_heatmap(path)?;
+    }
     let capture = open_capture(&arguments.set)?;
     notes::print(&capture.capture.notes);
     let evaluation = evaluate(&arguments.asset, &capture, &machine)?;
@@ -66,6 +69,15 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
         evaluation.print();
     }
     Ok(())
+}
+
+/// Fails when no heat map can be written to `path`.
+fn check_heatmap(path: &Path) -> Result<(), Failure> {
+    if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
+        let message = format!("--heatmap {}: heat maps are written as .png", path.display());
+        return Err(Failure::usage(message));
+    }
+    check_writable(path)
 }
 
 /// Relights `asset` at every light of `capture` and compares.

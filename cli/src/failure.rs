@@ -49,11 +49,40 @@ impl Failure {
         Self::new(Exit::Usage, message)
     }
 
+    /// What the parser of the command line found, in one sentence.
+    pub(crate) fn of_command_line(error: &clap::Error) -> Self {
+        Self::usage(format!("{}; try --help", words_of_parser(error)))
+    }
+
+    /// An output that was asked for and can't be: a wrong command line unless the system refused it.
+    pub(crate) fn of_output(error: FormatError) -> Self {
+        let Self { exit, message } = error.into();
+        Self { exit: if exit == Exit::BadInput { Exit::Usage } else { exit }, message }
+    }
+
     /// Says why on standard error and gives the exit code.
     pub(crate) fn report(&self) -> ExitCode {
         eprintln!("relight: error: {}", self.message);
         ExitCode::from(self.exit as u8)
     }
+}
+
+/// The parser's lines up to its usage as one sentence, without its "error: ".
+pub(crate) fn words_of_parser(error: &clap::Error) -> String {
+    let text = error.render().to_string();
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let mut words = String::new();
+    for line in lines.take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more")) {
+        words += if words.is_empty() {
+            ""
+        } else if words.ends_with(':') {
+            " "
+        } else {
+            "; "
+        };
+        words += line.trim_start_matches("error: ");
+    }
+    words
 }
 
 /// An error and its causes, joined by colons.

@@ -5,7 +5,7 @@
 //! relative to its folder.
 
 use crate::bake::BakeArguments;
-use crate::failure::{Exit, Failure};
+use crate::failure::{Failure, words_of_parser};
 use clap::{Arg, Args, Command};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -39,7 +39,7 @@ pub(crate) fn expand(arguments: Vec<OsString>) -> Result<Vec<OsString>, Failure>
 
 /// The arguments that a job file stands for, less those that `given` replace.
 fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<OsString>, Failure> {
-    let bad = |what: String| Failure::new(Exit::BadInput, format!("{}: {what}", path.display()));
+    let bad = |what: String| Failure::usage(format!("{}: {what}", path.display()));
     let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(0, |span| text[..span.start].lines().count().max(1));
         bad(format!("line {line}: {}", error.message().replace('\n', " ")))
@@ -48,7 +48,8 @@ fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<O
     let keys: Vec<(&Arg, &str)> = command.get_arguments().map(|arg| (arg, arg.get_id().as_str())).collect();
     let sized = given.iter().any(|argument| {
         let argument = argument.to_string_lossy();
-        SIZES.iter().any(|size| argument.starts_with(&format!("--{size}")) || argument.starts_with("-k"))
+        let long = argument.strip_prefix("--").map(|long| long.split('=').next().unwrap_or(long));
+        argument.starts_with("-k") || long.is_some_and(|long| SIZES.contains(&long))
     });
     let mut arguments = Vec::new();
     for (key, value) in &table {
@@ -71,7 +72,7 @@ fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<O
             }
             other => {
                 let kind = other.type_str();
-                return Err(bad(format!("key '{key}' holds a {kind}; write text or a number")));
+                return Err(bad(format!("key '{key}' is of type {kind}; write text or a number")));
             }
         };
         let is_light_file = key == "holdout" && text.to_ascii_lowercase().ends_with(".lp");
@@ -83,6 +84,11 @@ fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<O
             Some(long) => arguments.push(format!("--{long}={text}").into()),
             None => arguments.push(text.into()),
         }
+    }
+    // The parser meets these once more among the user's own; here it tells whose mistake it is.
+    let alone = command.clone().no_binary_name(true).mut_args(|arg| arg.required(false));
+    if let Err(error) = alone.try_get_matches_from(&arguments) {
+        return Err(bad(words_of_parser(&error)));
     }
     if !table.contains_key("input") {
         return Err(bad("key 'input' is missing; name the .lp file or the folder of pictures".to_owned()));
@@ -130,6 +136,8 @@ mod tests {
     fn a_size_flag_replaces_every_size_key() {
         let arguments = expanded("input = 'a'\nk = 25", &["--order", "3"]).unwrap();
         assert!(!arguments.iter().any(|a| a.starts_with("--k")), "{arguments:?}");
+        let arguments = expanded("input = 'a'\nk = 25", &["--kernel", "spherical"]).unwrap();
+        assert!(arguments.contains(&"--k=25".to_owned()), "{arguments:?}");
     }
 
     #[test]
@@ -137,7 +145,7 @@ mod tests {
         let words = |text: &str| format!("{:?}", expanded(text, &[]).unwrap_err());
         assert!(words("input = 'a'\nbassis = 'sh'").contains("did you mean 'basis'?"));
         assert!(words("basis = 'sh'").contains("'input' is missing"));
-        assert!(words("input = 'a'\nk = [1]").contains("holds a array"));
+        assert!(words("input = 'a'\nk = [1]").contains("'k' is of type array"));
         assert!(words("input = 'a'\n\nk = = 2").contains("line 3"));
     }
 }

@@ -16,6 +16,7 @@ mod options;
 mod progress;
 mod render;
 
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 use failure::{Exit, Failure};
 use std::process::ExitCode;
@@ -46,7 +47,12 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(failure) => return failure.report(),
     };
-    let arguments = Arguments::parse_from(arguments);
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(words) if words.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => words.exit(),
+        Err(error) if error.use_stderr() => return Failure::of_command_line(&error).report(),
+        Err(words) => words.exit(),
+    };
     interrupt::watch();
     let result = std::panic::catch_unwind(|| match arguments.command {
         Command::Bake(arguments) => bake::run(&arguments),

@@ -3,7 +3,14 @@
 use crate::failure::{Exit, Failure};
 use clap::Args;
 use relight_core::CpuLevel;
+use relight_formats::OutputFile;
+use std::path::Path;
 use std::str::FromStr;
+
+/// Fails when no file can stand at `path`, so that a slip shows before the work and not after it.
+pub(crate) fn check_writable(path: &Path) -> Result<(), Failure> {
+    OutputFile::create(path).map(drop).map_err(Failure::of_output)
+}
 
 /// How much of the machine to use.
 #[derive(Args, Debug)]

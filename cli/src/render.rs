@@ -114,7 +114,7 @@ pub(crate) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
 
 /// The depth that was asked for, checked against the file's extension.
 fn depth_for(path: &Path, asked: Option<Depth>) -> Result<PictureDepth, Failure> {
-    let held = picture_depths(path)?;
+    let held = picture_depths(path).map_err(Failure::of_output)?;
     match asked.map(Depth::of_picture) {
         None => Ok(held[0]),
         Some(depth) if held.contains(&depth) => Ok(depth),

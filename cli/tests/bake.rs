@@ -57,8 +57,7 @@ fn a_real_capture_is_predicted_as_well_as_promised() {
         assert!(printed.contains(&format!("held out, 12 pictures: mean PSNR {mean:.2} dB")), "{printed}");
         mean
     };
-    for (basis, least) in
-        [("ptm -k 6", 25.2), ("ptm -k 15", 27.6), ("hsh -k 16", 27.6), ("srbf -k 25", 28.0)]
+    for (basis, least) in [("ptm -k 6", 25.2), ("ptm -k 15", 27.6), ("hsh -k 16", 27.6), ("srbf -k 25", 28.0)]
     {
         let whole = held_out(&format!("--basis {basis} --precision f32"), "f32.ktx2");
         assert!(whole >= least, "{basis} in f32: {whole} dB");
@@ -175,7 +174,7 @@ fn first_use_as_in_the_readme_with_blanks_in_names() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
     let capture = here.join("Schöne Münze, Vorderseite");
-    scene::copy_icon72(&capture);
+    scene::copy_icon72(&capture, 1);
     let out = here.join("all my assets");
     fs::create_dir(&out).unwrap();
     let (capture, asset) = (capture.to_str().unwrap(), out.join("münze 1.ktx2"));

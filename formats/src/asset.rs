@@ -67,6 +67,8 @@ pub struct AssetFormat {
     pub precisions: &'static [Precision],
     /// The precisions for which [`Self::create`] must know the planes' ranges.
     pub ranged: &'static [Precision],
+    /// Whether its files are written as the spans come, rather than held until the last one.
+    pub streamed: bool,
     /// The bytes with which its files begin.
     pub magic: &'static [u8],
     /// Why it can't hold a model whose layout and precision it does hold.
@@ -91,6 +93,7 @@ pub static ASSET_FORMATS: [AssetFormat; 3] = [
         layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey],
         precisions: &[Precision::U8, Precision::F16, Precision::F32],
         ranged: &[Precision::U8, Precision::F16],
+        streamed: true,
         magic: &::ktx2::MAGIC,
         refusal: |_| None,
         create: ktx2::create,
@@ -104,6 +107,7 @@ pub static ASSET_FORMATS: [AssetFormat; 3] = [
         layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey],
         precisions: &[Precision::F16, Precision::F32],
         ranged: &[],
+        streamed: false,
         magic: &[0x76, 0x2f, 0x31, 0x01],
         refusal: |_| None,
         create: exr::create,
@@ -117,6 +121,7 @@ pub static ASSET_FORMATS: [AssetFormat; 3] = [
         layouts: &[Layout::Rgb, Layout::Lrgb],
         precisions: &[Precision::U8],
         ranged: &[Precision::U8],
+        streamed: true,
         magic: b"PTM_1.",
         refusal: ptm::refusal,
         create: ptm::create,
@@ -148,6 +153,15 @@ impl AssetFormat {
     /// Whether [`Self::create`] must know the planes' ranges.
     pub fn needs_ranges(&self, precision: Precision) -> bool {
         self.ranged.contains(&precision)
+    }
+
+    /// Bytes that a writer of this format holds until the asset is whole; 0 where it streams.
+    pub fn held_bytes(&self, header: &AssetHeader) -> u64 {
+        if self.streamed {
+            return 0;
+        }
+        let (width, height) = (header.width as u64, header.height as u64);
+        plane_bytes(width, height, header.model.plane_count(), header.precision).unwrap_or(u64::MAX)
     }
 
     /// Whether this format can hold such an asset; `path` is for the message alone.
@@ -311,7 +325,7 @@ fn check_memory(path: &Path, header: &AssetHeader, limit: u64) -> Result<(), For
     match needed {
         Some(needed) if needed <= limit && usize::try_from(needed).is_ok() => Ok(()),
         needed => {
-            Err(FormatError::TooLarge { path: path.to_owned(), needed: needed.unwrap_or(u64::MAX), limit })
+            Err(FormatError::too_large(path, needed.unwrap_or(u64::MAX), limit))
         }
     }
 }

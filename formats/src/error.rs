@@ -38,6 +38,8 @@ pub enum FormatError {
         needed: u64,
         /// Bytes allowed.
         limit: u64,
+        /// What to do about it.
+        remedy: &'static str,
     },
     /// The work was called off (Ctrl-C).
     Cancelled,
@@ -54,6 +56,11 @@ impl FormatError {
         Self::Invalid { path: path.to_owned(), problem: problem.into() }
     }
 
+    /// A [`FormatError::TooLarge`].
+    pub fn too_large(path: &Path, needed: u64, limit: u64) -> Self {
+        Self::TooLarge { path: path.to_owned(), needed, limit, remedy: "raise --memory" }
+    }
+
     /// An [`FormatError::Unsupported`].
     pub fn unsupported(path: &Path, problem: impl Into<String>) -> Self {
         Self::Unsupported { path: path.to_owned(), problem: problem.into() }
@@ -67,9 +74,9 @@ impl fmt::Display for FormatError {
             Self::Invalid { path, problem } | Self::Unsupported { path, problem } => {
                 write!(f, "{}: {problem}", path.display())
             }
-            Self::TooLarge { path, needed, limit } => write!(
+            Self::TooLarge { path, needed, limit, remedy } => write!(
                 f,
-                "{}: needs {} MiB of memory where {} MiB are allowed; raise --memory",
+                "{}: needs {} MiB of memory where {} MiB are allowed; {remedy}",
                 path.display(),
                 needed.div_ceil(1 << 20),
                 limit >> 20

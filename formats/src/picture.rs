@@ -283,7 +283,7 @@ fn checked_size(info: PictureInfo, path: &Path) -> Result<PictureInfo, FormatErr
 /// Refuses what would take more than `limit` bytes, before it is allocated.
 fn check_memory(needed: u64, limit: u64, path: &Path) -> Result<(), FormatError> {
     if needed > limit || usize::try_from(needed).is_err() {
-        return Err(FormatError::TooLarge { path: path.to_owned(), needed, limit });
+        return Err(FormatError::too_large(path, needed, limit));
     }
     Ok(())
 }
@@ -311,11 +311,7 @@ fn error_from_image(error: image::ImageError, path: &Path, format: &str, memory_
             path,
             format!("{format} of a kind that is not read: {cause}; convert it to RGB"),
         ),
-        ImageError::Limits(_) => FormatError::TooLarge {
-            path: path.to_owned(),
-            needed: memory_limit.saturating_add(1),
-            limit: memory_limit,
-        },
+        ImageError::Limits(_) => FormatError::too_large(path, memory_limit.saturating_add(1), memory_limit),
         _ => FormatError::invalid(path, format!("truncated or damaged {format}: {cause}; copy it again")),
     }
 }

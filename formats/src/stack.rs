@@ -83,8 +83,8 @@ impl PictureStack {
         let decoder = (largest * DECODER_SHARE).max(DECODER_LEAST);
         let available = settings.memory.saturating_sub(RESERVE);
         if decoder > available {
-            let path = paths.first().cloned().unwrap_or_default();
-            return Err(FormatError::TooLarge { path, needed: decoder + RESERVE, limit: settings.memory });
+            let path = paths.first().map_or(Path::new(""), PathBuf::as_path);
+            return Err(FormatError::too_large(path, decoder + RESERVE, settings.memory));
         }
         // A quarter for decoders, so that most of the memory holds pictures.
         let decoders = (available / 4 / decoder.max(1)).clamp(1, settings.threads.max(1) as u64) as usize;

@@ -139,7 +139,7 @@ fn size_is_bounded() {
     assert_eq!(parse(lines(4096)).unwrap().entries.len(), 4096);
     let error = parse(lines(4097)).unwrap_err().to_string();
     assert!(error.contains("line 4098") && error.contains("1..4096"), "{error}");
-    assert!(matches!(parse(vec![b' '; (8 << 20) + 1]).unwrap_err(), FormatError::TooLarge { .. }));
+    assert!(matches!(parse(vec![b' '; (8 << 20) + 1]).unwrap_err(), FormatError::Invalid { .. }));
 }
 
 #[test]

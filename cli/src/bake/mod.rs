@@ -5,13 +5,13 @@ mod report;
 
 use crate::failure::Failure;
 use crate::holdout::Holdout;
-use crate::options::{Machine, MachineOptions};
+use crate::options::{Machine, MachineOptions, check_writable};
 use crate::{evaluate, interrupt, notes, progress};
 use clap::{Args, ValueEnum};
 use relight_core::basis::{Domain, FAMILIES, Kernel, PointSet, Spread, SrbfDesign};
 use relight_core::{Layout, Model, Space, Stack};
-use relight_fit::{LightWeights, Ridge, Sample, coefficient_ranges, for_each_span};
-use relight_formats::{AssetFormat, AssetHeader, OpenCapture, PictureStack, StackSettings, open_capture};
+use relight_fit::{LightWeights, Ridge, Sample, coefficient_ranges, for_each_span, span_bytes};
+use relight_formats::{FormatError, AssetFormat, AssetHeader, OpenCapture, PictureStack, StackSettings, open_capture};
 use relight_texture::Precision;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -28,13 +28,13 @@ pub(crate) struct BakeArguments {
     #[arg(long, value_name = "NAME", default_value = "ptm")]
     basis: String,
     /// Number of functions of light
-    #[arg(short, long, value_name = "N", conflicts_with_all = ["order", "degree"])]
+    #[arg(short, long, value_name = "N", conflicts_with_all = ["order", "degree"], value_parser = size_of, allow_negative_numbers = true)]
     k: Option<usize>,
     /// Order of sh and hsh, instead of -k
-    #[arg(long, value_name = "N", conflicts_with = "degree")]
+    #[arg(long, value_name = "N", conflicts_with = "degree", value_parser = size_of, allow_negative_numbers = true)]
     order: Option<usize>,
     /// Degree of ptm, instead of -k
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = size_of, allow_negative_numbers = true)]
     degree: Option<usize>,
     /// Three planes a function, or luminance planes and a base colour
     #[arg(long, value_name = "COLOR", value_enum, default_value = "rgb")]
@@ -43,7 +43,7 @@ pub(crate) struct BakeArguments {
     #[arg(long, value_name = "SPACE", value_enum, default_value = "auto")]
     space: SpaceChoice,
     /// How strongly coefficients are held small: auto, or 0 to 1
-    #[arg(long, value_name = "RIDGE", default_value = "auto", value_parser = ridge_of)]
+    #[arg(long, value_name = "RIDGE", default_value = "auto", value_parser = ridge_of, allow_negative_numbers = true)]
     ridge: Ridge,
     /// Weight of each light: by the area of its cell on the sphere, or all alike
     #[arg(long, value_name = "WEIGHTS", value_enum, default_value = "voronoi")]
@@ -62,7 +62,7 @@ pub(crate) struct BakeArguments {
     domain: Option<DomainChoice>,
     /// SRBF: spread as a factor of the centres' mean nearest distance, or 'paper' for the least
     /// [default: 0.85]
-    #[arg(long, value_name = "FACTOR", value_parser = spread_of)]
+    #[arg(long, value_name = "FACTOR", value_parser = spread_of, allow_negative_numbers = true)]
     spread: Option<Spread>,
     /// SRBF: the functions' shape [default: geodesic]
     #[arg(long, value_name = "KERNEL", value_enum)]
@@ -120,6 +120,10 @@ enum KernelChoice {
     Spherical,
 }
 
+fn size_of(text: &str) -> Result<usize, String> {
+    text.parse().map_err(|_| "write a whole number such as 9".to_owned())
+}
+
 fn ridge_of(text: &str) -> Result<Ridge, String> {
     match text.parse::<f64>() {
         _ if text == "auto" => Ok(Ridge::Auto),
@@ -151,7 +155,10 @@ impl Stages {
 /// Runs the subcommand.
 pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
-    let format = AssetFormat::by_path(&arguments.output)?;
+    let format = AssetFormat::by_path(&arguments.output).map_err(Failure::of_output)?;
+    for path in std::iter::once(&arguments.output).chain(&arguments.report) {
+        check_writable(path)?;
+    }
     let precision = arguments.precision(format);
     let mut stages = Stages(Vec::new());
 
@@ -174,9 +181,15 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         model,
         precision,
     };
-    format.check(&arguments.output, &header(model.clone()))?;
+    format.check(&arguments.output, &header(model.clone())).map_err(Failure::of_output)?;
 
-    let stack = stages.time("decode", || load(&fitted, space, &machine, &arguments.output))?;
+    let spans = machine.threads as u64 * span_bytes(fitted.infos.len(), choice.basis.count());
+    let kept_back = format.held_bytes(&header(model.clone())).saturating_add(spans);
+    let Some(memory) = machine.memory.checked_sub(kept_back).filter(|&memory| memory > 0) else {
+        return Err(FormatError::too_large(&arguments.output, kept_back, machine.memory).into());
+    };
+    let for_pictures = Machine { memory, ..machine };
+    let stack = stages.time("decode", || load(&fitted, space, &for_pictures, &arguments.output))?;
     let fit = stages.time("solve", || -> Result<_, Failure> {
         let sample = Sample::of(&stack).map_err(relight_fit::FitError::from)?;
         fit::solve(arguments, choice, &fitted, &sample)

@@ -43,6 +43,9 @@ const LISTED: usize = 10;
 /// Runs the subcommand.
 pub(crate) fn run(arguments: &LightsArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
+    if let Some(path) = &arguments.plot {
+        plot::check(path)?;
+    }
     let file = read_light_file(&light_file_in(&arguments.set)?)?;
     let lights = light_set(&file);
     notes::print(&file.notes);

@@ -1,6 +1,7 @@
 //! The light sphere seen from the camera, as SVG or PNG from one list of shapes.
 
 use crate::failure::Failure;
+use crate::options::check_writable;
 use font8x8::UnicodeFonts;
 use relight_core::LightSet;
 use relight_core::relighter::Picture;
@@ -31,13 +32,32 @@ enum Shape {
     Label { x: f64, y: f64, text: String, color: [u8; 3] },
 }
 
+/// How a drawing is kept.
+enum Kind {
+    Svg,
+    Png,
+}
+
+fn kind_of(path: &Path) -> Result<Kind, Failure> {
+    match path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).as_deref() {
+        Some("svg") => Ok(Kind::Svg),
+        Some("png") => Ok(Kind::Png),
+        _ => Err(Failure::usage(format!("--plot {}: plots are written as .svg or .png", path.display()))),
+    }
+}
+
+/// Fails when no drawing can be written to `path`.
+pub(super) fn check(path: &Path) -> Result<(), Failure> {
+    kind_of(path)?;
+    check_writable(path)
+}
+
 /// Draws `lights` to `path`, by its extension.
 pub(super) fn write(path: &Path, lights: &LightSet) -> Result<(), Failure> {
     let shapes = shapes(lights);
-    match path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).as_deref() {
-        Some("svg") => Ok(write_whole(path, svg(&shapes).as_bytes())?),
-        Some("png") => Ok(write_picture(path, &raster(&shapes), PictureDepth::U8)?),
-        _ => Err(Failure::usage(format!("--plot {}: plots are written as .svg or .png", path.display()))),
+    match kind_of(path)? {
+        Kind::Svg => Ok(write_whole(path, svg(&shapes).as_bytes())?),
+        Kind::Png => Ok(write_picture(path, &raster(&shapes), PictureDepth::U8)?),
     }
 }
 

@@ -1,6 +1,10 @@
 //! Captures for tests, made or copied, and the program under test.
 
-#![allow(dead_code, clippy::unwrap_used, reason = "each test file uses a part; a helper fails as its test does")]
+#![allow(
+    dead_code,
+    clippy::unwrap_used,
+    reason = "each test file uses a part; a helper fails as its test does"
+)]
 
 pub(crate) mod pictures;
 
@@ -82,13 +86,16 @@ pub(crate) fn icon72() -> PathBuf {
     path.canonicalize().unwrap()
 }
 
-/// Hard links, or else copies, of the real capture in `folder`.
-pub(crate) fn copy_icon72(folder: &Path) {
+/// Copies every `step`th picture of the real capture, and their lights, into a new `folder`.
+pub(crate) fn copy_icon72(folder: &Path, step: usize) {
     fs::create_dir_all(folder).unwrap();
-    for entry in fs::read_dir(icon72()).unwrap() {
-        let entry = entry.unwrap();
-        fs::copy(entry.path(), folder.join(entry.file_name())).unwrap();
+    let text = fs::read_to_string(icon72().join("lights.lp")).unwrap();
+    let lines: Vec<String> = text.lines().skip(1).step_by(step).map(str::to_owned).collect();
+    for line in &lines {
+        let name = line.split(' ').next().unwrap();
+        fs::copy(icon72().join(name), folder.join(name)).unwrap();
     }
+    write_lines(&folder.join("lights.lp"), &lines);
 }
 
 /// A number of a JSON value, named as in `mean.psnr`.

@@ -65,7 +65,9 @@ pub(crate) fn read_exr(path: &Path) -> (Pixels, bool) {
 /// Peak signal to noise ratio in dB of two pictures clipped to 0..1.
 pub(crate) fn psnr(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
-    let square = |(a, b): (&f64, &f64)| (a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)) * (a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0));
+    let square = |(a, b): (&f64, &f64)| {
+        (a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)) * (a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0))
+    };
     let mean = a.iter().zip(b).map(square).sum::<f64>() / a.len() as f64;
     -10.0 * libm::log10(mean)
 }

@@ -62,15 +62,22 @@ struct Shape {
     width: usize,
 }
 
-/// The columns from `first` on, one at a time: what vectors leave over, and machines without them.
+/// The columns from `first` on: what the kernels below leave over, and all of them on machines
+/// without one. Written over arrays, which compilers turn into vectors where they can.
 fn columns(matrix: &[f32], input: &[f32], output: &mut [f32], shape: Shape, first: usize) {
+    const LANES: usize = 8;
     for (r, weights) in matrix.chunks_exact(shape.terms.max(1)).enumerate() {
-        for x in first..shape.width {
-            let mut sum = 0.0;
+        let mut x = first;
+        while x < shape.width {
+            let lanes = LANES.min(shape.width - x);
+            let mut sums = [0.0f32; LANES];
             for (weight, row) in weights.iter().zip(input[x..].chunks(shape.input_stride)) {
-                sum += weight * row[0];
+                for (sum, sample) in sums.iter_mut().zip(&row[..lanes]) {
+                    *sum += weight * sample;
+                }
             }
-            output[r * shape.output_stride + x] = sum;
+            output[r * shape.output_stride + x..][..lanes].copy_from_slice(&sums[..lanes]);
+            x += lanes;
         }
     }
 }

@@ -9,7 +9,7 @@ use std::fmt;
 pub enum FitError {
     /// No light at all.
     NoLights,
-    /// A ridge below 0, infinite or NaN.
+    /// A ridge outside 0..1, or NaN.
     Ridge {
         /// The value.
         ridge: f64,

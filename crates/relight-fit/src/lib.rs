@@ -15,6 +15,6 @@ pub use decomposition::{Decomposition, LightWeights, RANK_TOLERANCE};
 pub use error::FitError;
 pub use least_squares::{LeastSquares, Ridge};
 pub use leave_one_out::{LeaveOneOut, Misfit};
-pub use rebin::{SPAN, coefficient_ranges, fit_map, for_each_span};
+pub use rebin::{SPAN, coefficient_ranges, fit_map, for_each_span, span_bytes};
 pub use sample::Sample;
 pub use usable::{LIGHTS_PER_FUNCTION, Usability, WORST_CONDITION, largest_usable, usability};

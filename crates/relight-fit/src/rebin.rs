@@ -21,6 +21,13 @@ fn tile_pixels(lights: usize, channels: usize) -> usize {
     (pixels / 16 * 16).clamp(16, SPAN)
 }
 
+/// Bytes that a thread needs for a span of `lights` pictures and `functions` functions: the pictures'
+/// rows as they are read back, the coefficients, and as much again for whoever consumes them.
+pub fn span_bytes(lights: usize, functions: usize) -> u64 {
+    let samples = 3 * SPAN as u64;
+    4 * samples * (lights as u64 + 2 * (functions as u64 + 1)) + TILE_BYTES as u64
+}
+
 /// Fits every pixel of `stack` and hands the coefficients to `consume`, span by span, in any
 /// order and from several threads at once.
 ///

@@ -53,7 +53,12 @@ pub(super) fn create(
         let problem = format!("{width} x {height} is outside 1..{LARGEST_SIZE} of OpenEXR; write .ktx2");
         return Err(FormatError::invalid(path, problem));
     }
-    check_memory(path, &header, memory_limit)?;
+    check_memory(path, &header, memory_limit).map_err(|error| match error {
+        FormatError::TooLarge { path, needed, limit, .. } => {
+            FormatError::TooLarge { path, needed, limit, remedy: "raise --memory, or write .ktx2, which is streamed" }
+        }
+        other => other,
+    })?;
     let names = plane_names(&header.model);
     let mut planes: Vec<usize> = (0..names.len()).collect();
     planes.sort_by(|&a, &b| names[a].as_bytes().cmp(names[b].as_bytes()));

@@ -43,11 +43,12 @@ fn errors(found: &CoefficientMap, expected: &CoefficientMap) -> (f64, f64) {
 /// What rounding to f32 may do to coefficients of up to 1.
 ///
 /// Values, matrix and sums are rounded to 2^-24 of themselves; N terms in order add up to sqrt(N)
-/// such errors, and the least singular value hands them on `condition` times enlarged.
+/// such errors, four times that where all are alike, and the least singular value hands them on
+/// `condition` times enlarged.
 fn rounding(fit: &LeastSquares) -> f64 {
     let decomposition = &fit.decomposition;
     let terms = decomposition.lights.max(16) as f64 * decomposition.functions as f64;
-    terms.sqrt() * decomposition.condition() / 16_777_216.0
+    4.0 * terms.sqrt() * decomposition.condition() / 16_777_216.0
 }
 
 fn check(fit: &LeastSquares, lights: &[Direction], layout: Layout, size: (usize, usize)) {
@@ -57,7 +58,7 @@ fn check(fit: &LeastSquares, lights: &[Direction], layout: Layout, size: (usize,
     let (coefficient, color) = errors(&found, &expected);
     let (name, count) = (fit.basis.family().name, fit.basis.count());
     let bound = rounding(fit);
-    assert!(bound < 0.02, "{name} {count}: condition {}", fit.decomposition.condition());
+    assert!(bound < 0.2, "{name} {count}: condition {}", fit.decomposition.condition());
     assert!(coefficient <= bound, "{name} {count} {layout:?} {size:?}: {coefficient:e} of {bound:e}");
     assert!(color < 1e-5, "{name} {count} {size:?}: base colour {color:e}");
 }
@@ -162,27 +163,84 @@ fn ranges_are_those_of_the_planes() {
     }
 }
 
+/// How far the decomposition's solution is from satisfying (A^T W A + ridge s0^2) S = A^T W, which
+/// is what it is by definition; relative to the largest weighted value.
+fn normal_equations_error(decomposition: &Decomposition, ridge: f64) -> f64 {
+    let (n, k, weights) = (decomposition.lights, decomposition.functions, &decomposition.weights);
+    let a = DMatrix::from_row_slice(n, k, &decomposition.design);
+    let weighted = DMatrix::from_fn(n, k, |i, j| weights[i] * a[(i, j)]);
+    let solution = DMatrix::from_row_slice(k, n, &decomposition.solution(ridge));
+    let strength = ridge * decomposition.singular_values[0].powi(2);
+    let normal = a.transpose() * &weighted + DMatrix::identity(k, k) * strength;
+    (normal * solution - weighted.transpose()).abs().max() / weighted.abs().max()
+}
+
 #[test]
 fn the_solution_satisfies_the_normal_equations_of_the_weighted_ridge() {
-    // (A^T W A + ridge s0^2) S = A^T W, and S A = 1 without a ridge: what the solution is by
-    // definition, in f64, where nothing hides behind the rounding of pictures.
+    // In f64, where nothing hides behind the rounding of pictures.
     for (basis, lights) in every_basis(120) {
         for weighting in [LightWeights::Uniform, LightWeights::Voronoi] {
             let decomposition = Decomposition::new(&basis, &lights, weighting).unwrap();
-            let (n, k) = (lights.len(), basis.count());
-            let a = DMatrix::from_fn(n, k, |i, j| weights_of(&basis, lights[i])[j]);
+            let (n, k, singular) = (120, basis.count(), &decomposition.singular_values);
+            for (row, light) in decomposition.design.chunks_exact(k).zip(&lights) {
+                assert_eq!(row, weights_of(&basis, *light));
+            }
+            let a = DMatrix::from_row_slice(n, k, &decomposition.design);
             let weighted = DMatrix::from_fn(n, k, |i, j| decomposition.weights[i] * a[(i, j)]);
-            let normal = a.transpose() * &weighted;
-            let s0 = decomposition.singular_values[0];
-            // The largest eigenvalue of A^T W A is s0^2, all of them add up to its trace.
-            let squares: f64 = decomposition.singular_values.iter().map(|s| s * s).sum();
-            assert!((squares / normal.trace() - 1.0).abs() < 1e-12);
-            assert!((s0 * s0 / normal.symmetric_eigenvalues().max() - 1.0).abs() < 1e-12);
+            let normal = a.transpose() * weighted;
+            // The squares of the singular values are its eigenvalues: their sum is the trace.
+            let squares: f64 = singular.iter().map(|s| s * s).sum();
+            assert!((squares / normal.trace() - 1.0).abs() < 1e-13, "{squares} {}", normal.trace());
+            assert!((singular[0].powi(2) / normal.symmetric_eigenvalues().max() - 1.0).abs() < 1e-12);
+            let (name, condition) = (basis.family().name, decomposition.condition());
             for ridge in [0.0, 1e-4, 0.1] {
-                let solution = DMatrix::from_row_slice(k, n, &decomposition.solution(ridge));
-                let ridged = &normal + DMatrix::identity(k, k) * (ridge * s0 * s0);
-                let error = (&ridged * &solution - weighted.transpose()).abs().max() / weighted.abs().max();
-                let condition = decomposition.condition();
-                let (name, bound) = (basis.family().name, 1e-14 * condition * k as f64);
- println!("{name} {k} {weighting:?} {ridge} cond {condition:.1} normal {error:e}");
- if ridge==0.0 {let error = (&solution * &a - DMatrix::identity(k, k)).abs().max(); println!("   SA {error:e}");} let _=bound; } } } panic!(); }
+                let error = normal_equations_error(&decomposition, ridge);
+                // Small singular values lend their own rounding, 1e-16 s0, an inverse of themselves.
+                let bound =
+                    2e-14 * if ridge == 0.0 { condition } else { condition.min(1.0 / ridge) }.max(10.0);
+                assert!(error < bound, "{name} {k} {weighting:?} ridge {ridge}: {error:e} of {bound:e}");
+            }
+            let solution = DMatrix::from_row_slice(k, n, &decomposition.solution(0.0));
+            let error = (solution * a - DMatrix::identity(k, k)).abs().max();
+            assert!(error < 1e-14 * condition.max(10.0), "{name} {k} {weighting:?}: {error:e}");
+        }
+    }
+}
+
+/// Rings of equally many lights at equal steps, and one at the pole: as domes are built.
+fn rings(rings: usize, lights: usize) -> Vec<Direction> {
+    let light = |ring: usize, i: usize| {
+        let azimuth = std::f64::consts::TAU * i as f64 / lights as f64;
+        Direction::from_azimuth_elevation(azimuth, 0.1 + 1.3 * ring as f64 / rings as f64).unwrap()
+    };
+    let mut all: Vec<_> = (0..rings).flat_map(|ring| (0..lights).map(move |i| light(ring, i))).collect();
+    all.push(Direction::OUT);
+    all
+}
+
+#[test]
+fn symmetric_domes_whose_singular_values_come_in_pairs() {
+    // Equal singular values cost nalgebra's iteration its digits: 2 to 4 % off on these very sets.
+    for (lights, name, count) in [
+        (rings(4, 30), "ptm", 6),
+        (rings(5, 12), "ptm", 6),
+        (rings(5, 24), "ptm", 6),
+        (rings(4, 15), "hsh", 16),
+        (rings(5, 12), "hsh", 9),
+        (dome(150), "hsh", 9),
+        (dome(120), "hsh", 16),
+        (dome(150), "sh", 25),
+        (sphere::fibonacci(48), "srbf", 25),
+    ] {
+        for weighting in [LightWeights::Uniform, LightWeights::Voronoi] {
+            let basis = basis_of(name, count, &lights);
+            let decomposition = Decomposition::new(&basis, &lights, weighting).unwrap();
+            assert_eq!(decomposition.rank(), count);
+            for ridge in [0.0, 1e-3] {
+                let error = normal_equations_error(&decomposition, ridge);
+                let lights = lights.len();
+                assert!(error < 5e-12, "{name} {count}, {lights} lights, {weighting:?}: off by {error:e}");
+            }
+        }
+    }
+}

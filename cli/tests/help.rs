@@ -1,0 +1,61 @@
+//! The program's own words: help, version, wrong commands.
+
+#![allow(clippy::unwrap_used, reason = "a test's helpers fail as the test does")]
+
+mod scene;
+
+use scene::relight;
+use std::path::Path;
+
+const SUBCOMMANDS: [&str; 5] = ["bake", "render", "evaluate", "lights", "info"];
+
+#[test]
+fn help_names_every_subcommand_and_exit_code() {
+    let help = relight(Path::new("."), "--help").ok();
+    assert_eq!(help.stderr, "");
+    for word in SUBCOMMANDS.iter().chain(&["Exit codes: 0 done", "5 over budget", "130 interrupted"]) {
+        assert!(help.stdout.contains(word), "no '{word}' in\n{}", help.stdout);
+    }
+}
+
+#[test]
+fn every_subcommand_explains_its_options() {
+    for (subcommand, options) in [
+        (
+            "bake",
+            &["--output <FILE>", "--basis <NAME>", "--holdout <WHICH>", "--memory <SIZE>", "--jobs"][..],
+        ),
+        ("render", &["--light <X,Y,Z[,R,G,B]>", "--angles", "--lights <FILE.lp>", "--depth"]),
+        ("evaluate", &["<ASSET>", "<SET>", "--json", "--heatmap"]),
+        ("lights", &["<SET>", "--plot"]),
+        ("info", &["<FILE>", "--json"]),
+    ] {
+        for spelling in
+            [format!("{subcommand} --help"), format!("help {subcommand}"), format!("{subcommand} -h")]
+        {
+            let help = relight(Path::new("."), &spelling).ok();
+            for option in options {
+                assert!(help.stdout.contains(option), "{spelling}: no '{option}' in\n{}", help.stdout);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_version_is_the_packages() {
+    let version = relight(Path::new("."), "--version").ok().stdout;
+    assert_eq!(version, concat!("relight ", env!("CARGO_PKG_VERSION"), "\n"));
+}
+
+#[test]
+fn wrong_commands_are_usage_errors() {
+    let here = Path::new(".");
+    relight(here, "bakery").assert_refused(2, &["unrecognized subcommand 'bakery'", "'bake'"]);
+    relight(here, "bake --basis ptm")
+        .assert_refused(2, &["not provided", "--output <FILE>", "<INPUT>", "--help"]);
+    relight(here, "info a --frob").assert_refused(2, &["'--frob'"]);
+    relight(here, "render a.ktx2 -o a.png --depth 12").assert_refused(2, &["'12'", "8, 16, half, float"]);
+    let nothing = relight(here, "");
+    assert_eq!(nothing.code, Some(2));
+    assert!(SUBCOMMANDS.iter().all(|word| nothing.stderr.contains(word)), "{}", nothing.stderr);
+}
