@@ -17,8 +17,18 @@ const SETS: [(&str, &str, &str); 6] = [
 ];
 
 const BASES: [&str; 12] = [
-    "ptm -k 6", "ptm -k 10", "ptm -k 15", "sh -k 9", "sh -k 16", "sh -k 25", "hsh -k 4", "hsh -k 9", "hsh -k 16",
-    "srbf -k 16", "srbf -k 25", "srbf -k 36",
+    "ptm -k 6",
+    "ptm -k 10",
+    "ptm -k 15",
+    "sh -k 9",
+    "sh -k 16",
+    "sh -k 25",
+    "hsh -k 4",
+    "hsh -k 9",
+    "hsh -k 16",
+    "srbf -k 16",
+    "srbf -k 25",
+    "srbf -k 36",
 ];
 
 fn main() {
@@ -31,8 +41,10 @@ fn main() {
         print!("| {basis} |");
         for (_, folder, judge) in &sets {
             let judge = if judge.contains('/') { root.join(judge) } else { PathBuf::from(judge) };
-            let figures: Vec<String> =
-                ["f32", "u8"].iter().map(|precision| held_out(&root.join(folder), &judge, basis, precision)).collect();
+            let figures: Vec<String> = ["f32", "u8"]
+                .iter()
+                .map(|precision| held_out(&root.join(folder), &judge, basis, precision))
+                .collect();
             print!(" {} / {} |", figures[0], figures[1]);
         }
         println!();
@@ -55,7 +67,8 @@ fn held_out(set: &Path, judge: &Path, basis: &str, precision: &str) -> String {
         .arg(set)
         .output();
     assert!(status.expect("relight runs").status.success());
-    let report: Value = serde_json::from_str(&std::fs::read_to_string(&report).expect("a report")).expect("JSON");
+    let report: Value =
+        serde_json::from_str(&std::fs::read_to_string(&report).expect("a report")).expect("JSON");
     let mean = &report["holdout"]["mean"];
     let psnr = mean.get("psnr_encoded").or(mean.get("psnr")).and_then(Value::as_f64);
     psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.2}"))

@@ -9,7 +9,9 @@ use nix::sys::resource::{UsageWho, getrusage};
 use relight_core::weighted_sums::{Rows, weighted_sums};
 use relight_core::{CpuLevel, Design, Family, Layout, Model, Space, Stack};
 use relight_fit::{LeastSquares, LightWeights, Ridge, Sample, coefficient_ranges, for_each_span};
-use relight_formats::{AssetFormat, AssetHeader, FormatError, OutputFile, PictureStack, StackSettings, open_capture};
+use relight_formats::{
+    AssetFormat, AssetHeader, FormatError, OutputFile, PictureStack, StackSettings, open_capture,
+};
 use relight_texture::Precision;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -64,7 +66,8 @@ fn whole_programs(set: &Path) {
             decoded.is_ok_and(|status| status.success())
         })
     };
-    let programs: [(&str, &[&str]); 2] = [("ptm 6, u8", &[]), ("srbf 25, u8", &["--basis", "srbf", "-k", "25"])];
+    let programs: [(&str, &[&str]); 2] =
+        [("ptm 6, u8", &[]), ("srbf 25, u8", &["--basis", "srbf", "-k", "25"])];
     let mut times = vec![Vec::new(); programs.len() + 1];
     for _ in 0..ROUNDS {
         let before = cpu_seconds(UsageWho::RUSAGE_CHILDREN);
@@ -124,13 +127,18 @@ fn stages(set: &Path, family: &str, count: usize) {
     });
     let (rebin, ()) = timed(|| rebin_only(&stack));
     let layout = if stack.channels() == 3 { Layout::Rgb } else { Layout::Grey };
-    let (once, ()) = timed(|| for_each_span(&stack, &fit, layout, level, |_| Ok::<(), relight_fit::FitError>(())).expect("a fit"));
+    let (once, ()) = timed(|| {
+        for_each_span(&stack, &fit, layout, level, |_| Ok::<(), relight_fit::FitError>(())).expect("a fit")
+    });
     let (ranged, ranges) = timed(|| {
-        coefficient_ranges(&stack, &fit, layout, level, || Ok::<(), relight_fit::FitError>(())).expect("ranges")
+        coefficient_ranges(&stack, &fit, layout, level, || Ok::<(), relight_fit::FitError>(()))
+            .expect("ranges")
     });
     let path = folder.join("relight-bench-stages.ktx2");
-    let model = Model { basis: fit.basis.clone(), layout, space: Space::Encoded, lights: directions, figures: None };
-    let header = AssetHeader { width: stack.width(), height: stack.height(), model, precision: Precision::U8 };
+    let model =
+        Model { basis: fit.basis.clone(), layout, space: Space::Encoded, lights: directions, figures: None };
+    let header =
+        AssetHeader { width: stack.width(), height: stack.height(), model, precision: Precision::U8 };
     let format = AssetFormat::by_path(&path).expect("ktx2");
     let (written, ()) = timed(|| {
         let writer = format.create(&path, header, &ranges, 1 << 30).expect("a writer");
@@ -144,7 +152,10 @@ fn stages(set: &Path, family: &str, count: usize) {
     let (bytes_only, ()) = timed(|| write_bytes(&path, size).expect("a file"));
     let _ = std::fs::remove_file(path);
     println!("{family} {count}, CPU s by stage:");
-    println!("  decode {decode:.3}, sample and solve {solve:.3}, rebin {rebin:.3} a pass, fit {:.3} a pass,", once - rebin);
+    println!(
+        "  decode {decode:.3}, sample and solve {solve:.3}, rebin {rebin:.3} a pass, fit {:.3} a pass,",
+        once - rebin
+    );
     println!(
         "  find ranges {:.3}, quantise {:.3}, write {bytes_only:.3} ({} MB)",
         ranged - once,
@@ -196,7 +207,14 @@ fn kernel() {
         let (seconds, ()) = timed(|| {
             for _ in 0..repeats {
                 let into = Rows { samples: &mut output[..], stride: width };
-                weighted_sums(level, &matrix, terms, Rows { samples: &input[..], stride: width }, into, width);
+                weighted_sums(
+                    level,
+                    &matrix,
+                    terms,
+                    Rows { samples: &input[..], stride: width },
+                    into,
+                    width,
+                );
                 std::hint::black_box(&output);
             }
         });

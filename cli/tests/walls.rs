@@ -37,7 +37,10 @@ fn every_dependency_is_in_the_table_and_every_crate_is_a_row() {
             );
         }
         for allowed in &allowed {
-            assert!(dependencies.contains_key(allowed), "{name} no longer depends on {allowed}: mend the table");
+            assert!(
+                dependencies.contains_key(allowed),
+                "{name} no longer depends on {allowed}: mend the table"
+            );
         }
     }
 }

@@ -13,8 +13,8 @@ mod ptm_reader;
 mod texels;
 
 use crate::FormatError;
-use relight_core::{CoefficientSpan, Layout, Model, RelightingMaps};
 use relight_core::CoefficientRange;
+use relight_core::{CoefficientSpan, Layout, Model, RelightingMaps};
 use relight_texture::{Precision, Quantizer};
 use std::fs::File;
 use std::io::Read;
@@ -324,9 +324,7 @@ fn check_memory(path: &Path, header: &AssetHeader, limit: u64) -> Result<(), For
     let needed = plane_bytes(*width as u64, *height as u64, model.plane_count(), *precision);
     match needed {
         Some(needed) if needed <= limit && usize::try_from(needed).is_ok() => Ok(()),
-        needed => {
-            Err(FormatError::too_large(path, needed.unwrap_or(u64::MAX), limit))
-        }
+        needed => Err(FormatError::too_large(path, needed.unwrap_or(u64::MAX), limit)),
     }
 }
 
@@ -355,7 +353,11 @@ fn plane_names(model: &Model) -> Vec<String> {
 }
 
 /// A quantizer for each plane.
-fn quantizers(path: &Path, header: &AssetHeader, ranges: &[CoefficientRange]) -> Result<Vec<Quantizer>, FormatError> {
+fn quantizers(
+    path: &Path,
+    header: &AssetHeader,
+    ranges: &[CoefficientRange],
+) -> Result<Vec<Quantizer>, FormatError> {
     let plain = CoefficientRange { min: 0.0, max: 1.0 };
     let ranges = (0..header.model.plane_count()).map(|plane| ranges.get(plane).copied().unwrap_or(plain));
     let quantizers: Vec<_> = ranges.map(|range| header.precision.quantizer(range)).collect();

@@ -117,7 +117,8 @@ pub fn read_light_file(path: &Path) -> Result<LightFile, FormatError> {
 /// [`FormatError::Unsupported`] for UTF-16 and binary files.
 pub fn parse_light_file(bytes: &[u8], path: &Path) -> Result<LightFile, FormatError> {
     if bytes.len() as u64 > LARGEST_FILE {
-        let problem = format!("is larger than {} MiB, so hardly a light file; name a .lp file", LARGEST_FILE >> 20);
+        let problem =
+            format!("is larger than {} MiB, so hardly a light file; name a .lp file", LARGEST_FILE >> 20);
         return Err(FormatError::invalid(path, problem));
     }
     let mut notes = Vec::new();

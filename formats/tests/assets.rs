@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail as the test does")]
 
 use half::f16;
+use relight_core::CoefficientRange;
 use relight_core::basis::Ptm;
 use relight_core::relighter::relight;
 use relight_core::{
@@ -11,7 +12,6 @@ use relight_core::{
 };
 use relight_formats::FormatError;
 use relight_formats::asset::{ASSET_FORMATS, AssetFormat, AssetHeader, describe_asset, read_asset};
-use relight_core::CoefficientRange;
 use relight_texture::Precision;
 use std::alloc::{GlobalAlloc, Layout as MemoryLayout, System};
 use std::fs;
@@ -84,8 +84,11 @@ fn lopsided(
 
 impl Lopsided {
     fn ranges(&self) -> Vec<CoefficientRange> {
-        let range =
-            |plane: &Vec<f32>| plane.iter().fold(CoefficientRange::EMPTY, |all, &c| all.union(CoefficientRange { min: c, max: c }));
+        let range = |plane: &Vec<f32>| {
+            plane
+                .iter()
+                .fold(CoefficientRange::EMPTY, |all, &c| all.union(CoefficientRange { min: c, max: c }))
+        };
         self.planes.iter().map(range).collect()
     }
 

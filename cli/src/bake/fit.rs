@@ -2,8 +2,10 @@
 
 use super::BakeArguments;
 use crate::failure::Failure;
-use relight_core::{Basis, Design, Direction};
-use relight_fit::{LIGHTS_PER_FUNCTION, LeastSquares, Misfit, Sample, WORST_CONDITION, largest_usable};
+use relight_core::{Basis, Design};
+use relight_fit::{
+    LIGHTS_PER_FUNCTION, LeastSquares, Misfit, Sample, WORST_CONDITION, largest_usable, misfits,
+};
 use relight_formats::OpenCapture;
 
 /// The basis to fit.
@@ -19,9 +21,6 @@ pub(super) struct BakeFit {
     pub(super) notes: Vec<String>,
     pub(super) misfits: Vec<Misfit>,
 }
-
-/// How many of its nearest lights a light is compared with.
-const NEIGHBOURS: usize = 6;
 
 /// The basis that the options name; its default size is lowered to what the lights carry.
 pub(super) fn choose_basis(arguments: &BakeArguments, capture: &OpenCapture) -> Result<Choice, Failure> {
@@ -62,8 +61,7 @@ pub(super) fn solve(
     let Choice { basis, mut notes } = choice;
     let fit = LeastSquares::new(basis, &directions, arguments.weighting(), arguments.ridge, sample)?;
     notes.extend(deficiency(arguments, capture, &fit)?);
-    let neighbours = nearest_lights(&directions);
-    let misfits = fit.leave_one_out.misfits(&fit.decomposition, &fit.solution, sample, &neighbours);
+    let misfits = misfits(&capture.capture.lights, sample)?;
     let name = |light: usize| &capture.capture.lights.lights[light].name;
     for misfit in &misfits {
         let ratio = misfit.rmse / misfit.expected;
@@ -110,18 +108,4 @@ fn deficiency(
         None => format!("these lights carry no {} at all", family.name),
     };
     Ok(Some(format!("{problem}; {advice}")))
-}
-
-/// The nearest lights of each light.
-fn nearest_lights(directions: &[Direction]) -> Vec<Vec<usize>> {
-    (0..directions.len())
-        .map(|i| {
-            let mut others: Vec<usize> = (0..directions.len()).filter(|&j| j != i).collect();
-            others.sort_by(|&a, &b| {
-                directions[i].angle_to(directions[a]).total_cmp(&directions[i].angle_to(directions[b]))
-            });
-            others.truncate(NEIGHBOURS);
-            others
-        })
-        .collect()
 }

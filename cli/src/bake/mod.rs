@@ -11,7 +11,9 @@ use clap::{Args, ValueEnum};
 use relight_core::basis::{Domain, FAMILIES, Kernel, PointSet, Spread, SrbfDesign};
 use relight_core::{Layout, Model, Space, Stack};
 use relight_fit::{LightWeights, Ridge, Sample, coefficient_ranges, for_each_span, span_bytes};
-use relight_formats::{FormatError, AssetFormat, AssetHeader, OpenCapture, PictureStack, StackSettings, open_capture};
+use relight_formats::{
+    AssetFormat, AssetHeader, FormatError, OpenCapture, PictureStack, StackSettings, open_capture,
+};
 use relight_texture::Precision;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

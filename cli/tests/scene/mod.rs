@@ -36,6 +36,12 @@ pub(crate) fn relight_words(folder: &Path, words: &[&str]) -> Outcome {
     outcome(words.join(" "), command(folder).args(words).output().unwrap())
 }
 
+/// Runs `relight` with the least `--memory` that it takes, in MiB.
+pub(crate) fn relight_in_least_memory(folder: &Path, line: &str) -> Outcome {
+    let runs = (32..512).map(|memory| relight(folder, &format!("{line} --memory {memory}M")));
+    runs.into_iter().find(|run| run.code != Some(5)).unwrap()
+}
+
 /// The program, to be run in `folder`.
 pub(crate) fn command(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relight"));

@@ -1,6 +1,8 @@
 //! Directions, bases and point sets against values of 50 digits (testdata/golden, made with mpmath),
 //! and the two orthonormal families against quadrature that is exact for them.
 
+#![allow(clippy::unwrap_used, reason = "a helper fails as its test does")]
+
 use relight_core::basis::{Domain, PointSet};
 use relight_core::basis::{FunctionsOfLight, Hsh, Kernel, Spread, Srbf, SrbfDesign, evaluate_sh};
 use relight_core::{Basis, Design, Direction, Family, LightSet, sphere};

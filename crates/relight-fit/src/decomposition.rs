@@ -1,6 +1,7 @@
 //! The basis on the lights, taken apart by singular values: what can be fitted, and how safely.
 
 use crate::FitError;
+use crate::singular_values::SingularValues;
 use nalgebra::DMatrix;
 use relight_core::sphere::voronoi_weights;
 use relight_core::{Basis, Direction};
@@ -33,10 +34,10 @@ pub struct Decomposition {
     pub weights: Vec<f64>,
     /// Singular values of the weighted design, falling; min(N, k) of them.
     pub singular_values: Vec<f64>,
-    /// N x r, row-major (r = min(N, k)).
-    left: Vec<f64>,
-    /// k x r, row-major.
-    right: Vec<f64>,
+    /// N x r (r = min(N, k)).
+    left: DMatrix<f64>,
+    /// k x r.
+    right: DMatrix<f64>,
 }
 
 impl Decomposition {
@@ -59,18 +60,8 @@ impl Decomposition {
         };
         let weighted =
             DMatrix::from_fn(lights, functions, |i, j| weights[i].sqrt() * design[i * functions + j]);
-        let svd = weighted.svd(true, true);
-        let rank = svd.singular_values.len();
-        let mut order: Vec<usize> = (0..rank).collect();
-        order.sort_by(|&a, &b| svd.singular_values[b].total_cmp(&svd.singular_values[a]));
-        let (u, v_t) = (svd.u.unwrap_or_default(), svd.v_t.unwrap_or_default());
-        let pick = |rows: usize, at: &dyn Fn(usize, usize) -> f64| {
-            (0..rows).flat_map(|i| order.iter().map(move |&r| at(i, r))).collect::<Vec<f64>>()
-        };
-        let left = pick(lights, &|i, r| u[(i, r)]);
-        let right = pick(functions, &|j, r| v_t[(r, j)]);
-        let singular_values = order.iter().map(|&r| svd.singular_values[r]).collect();
-        Ok(Self { design, lights, functions, weights, singular_values, left, right })
+        let SingularValues { left, values, right } = SingularValues::of(weighted);
+        Ok(Self { design, lights, functions, weights, singular_values: values, left, right })
     }
 
     /// How many directions of coefficient space the lights determine.
@@ -97,7 +88,6 @@ impl Decomposition {
     ///
     /// Source: MATH.md sections 1.2 and 1.3.
     pub fn solution(&self, ridge: f64) -> Vec<f64> {
-        let columns = self.singular_values.len();
         let largest = self.singular_values.first().copied().unwrap_or(0.0);
         let filter: Vec<f64> = self.singular_values[..self.rank()]
             .iter()
@@ -108,7 +98,7 @@ impl Decomposition {
             for (i, value) in row.iter_mut().enumerate() {
                 let mut sum = 0.0;
                 for (r, factor) in filter.iter().enumerate() {
-                    sum += self.right[j * columns + r] * factor * self.left[i * columns + r];
+                    sum += self.right[(j, r)] * factor * self.left[(i, r)];
                 }
                 *value = sum * self.weights[i].sqrt();
             }

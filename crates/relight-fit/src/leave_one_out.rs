@@ -17,20 +17,6 @@ pub struct LeaveOneOut {
     pub leverage: Vec<f64>,
 }
 
-/// A picture that does not fit its light.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Misfit {
-    /// Index of the light.
-    pub light: usize,
-    /// Its left-out error.
-    pub rmse: f64,
-    /// Median of its nearest lights' left-out errors.
-    pub expected: f64,
-    /// The light whose direction suits the picture best, if that is another one and it suits
-    /// much better: a swapped name.
-    pub better: Option<usize>,
-}
-
 impl LeaveOneOut {
     /// The errors of `solution` (k x N) on `sample`.
     ///
@@ -72,50 +58,4 @@ impl LeaveOneOut {
         let freedom = 1.0 - self.leverage.iter().sum::<f64>() / self.leverage.len().max(1) as f64;
         if freedom > 1.0 - FULL_LEVERAGE { Self::mean(&self.fit, weights) / freedom } else { f64::INFINITY }
     }
-
-    /// Pictures whose left-out error stands out from their neighbours' on the sphere.
-    ///
-    /// `neighbours[i]` lists the lights nearest to light i. A picture is reported when its error
-    /// is more than `FACTOR` times the median of its neighbours' and of all lights'.
-    pub fn misfits(
-        &self,
-        decomposition: &Decomposition,
-        solution: &[f64],
-        sample: &Sample,
-        neighbours: &[Vec<usize>],
-    ) -> Vec<Misfit> {
-        /// Photographs of the corpus stay below 1.9; a swapped pair reaches 2.5 and more.
-        const FACTOR: f64 = 2.2;
-        let overall = median(self.left_out.clone());
-        let flagged = (0..self.left_out.len()).filter_map(|i| {
-            let near = median(neighbours[i].iter().map(|&j| self.left_out[j]).collect());
-            let expected = near.max(overall);
-            let rmse = self.left_out[i];
-            (rmse.is_finite() && rmse > FACTOR * expected && rmse > 1e-6).then_some((i, rmse, expected))
-        });
-        let hat = decomposition.hat(solution);
-        let lights = decomposition.lights;
-        flagged
-            .map(|(light, rmse, expected)| {
-                // The error of predicting this picture with another light's direction.
-                let error_at = |other: usize| {
-                    let mut residual: Vec<f64> = hat[other * lights..][..lights].iter().map(|h| -h).collect();
-                    residual[light] += 1.0;
-                    sample.rms(&residual)
-                };
-                let best = (0..lights)
-                    .filter(|&other| other != light)
-                    .map(|other| (other, error_at(other)))
-                    .min_by(|a, b| a.1.total_cmp(&b.1));
-                let better = best.filter(|(_, error)| *error < 0.6 * rmse).map(|(other, _)| other);
-                Misfit { light, rmse, expected, better }
-            })
-            .collect()
-    }
-}
-
-/// The middle value; 0 for none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

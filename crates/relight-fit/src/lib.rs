@@ -7,14 +7,17 @@ mod decomposition;
 mod error;
 mod least_squares;
 mod leave_one_out;
+mod misfit;
 mod rebin;
 mod sample;
+mod singular_values;
 mod usable;
 
 pub use decomposition::{Decomposition, LightWeights, RANK_TOLERANCE};
 pub use error::FitError;
 pub use least_squares::{LeastSquares, Ridge};
-pub use leave_one_out::{LeaveOneOut, Misfit};
+pub use leave_one_out::LeaveOneOut;
+pub use misfit::{Misfit, misfits};
 pub use rebin::{SPAN, coefficient_ranges, fit_map, for_each_span, span_bytes};
 pub use sample::Sample;
 pub use usable::{LIGHTS_PER_FUNCTION, Usability, WORST_CONDITION, largest_usable, usability};

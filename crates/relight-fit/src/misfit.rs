@@ -29,6 +29,9 @@ const MOST_FUNCTIONS: usize = 16;
 /// Measured: photographs of six captures stay below 2.0, swapped pairs mostly exceed 2.5.
 const FACTOR: f64 = 2.2;
 
+/// Misfits below this part of the worst one's error are not reported beside it.
+const BESIDE_THE_WORST: f64 = 0.4;
+
 /// Above this leverage a light is predicted by extrapolation, and its error says nothing.
 const MOST_LEVERAGE: f64 = 0.8;
 
@@ -49,8 +52,9 @@ const MUCH_BETTER: f64 = 0.6;
 pub fn misfits(lights: &LightSet, sample: &Sample) -> Result<Vec<Misfit>, FitError> {
     let directions = lights.directions();
     let name = if directions.iter().any(|d| d.z() < 0.0) { "sh" } else { "hsh" };
-    let usable = Family::by_name(name)
-        .and_then(|family| largest_usable(family, lights, SrbfDesign::default(), MOST_FUNCTIONS).ok().flatten());
+    let usable = Family::by_name(name).and_then(|family| {
+        largest_usable(family, lights, SrbfDesign::default(), MOST_FUNCTIONS).ok().flatten()
+    });
     let Some(usable) = usable else { return Ok(Vec::new()) };
     let fit = LeastSquares::new(usable.basis, &directions, LightWeights::Voronoi, Ridge::Auto, sample)?;
     let errors = &fit.leave_one_out;
@@ -65,17 +69,26 @@ pub fn misfits(lights: &LightSet, sample: &Sample) -> Result<Vec<Misfit>, FitErr
             found.push(Misfit { light, rmse, expected, better });
         }
     }
+    // A badly wrong picture spoils the prediction of its neighbours: what stands out little beside
+    // the worst is told when that is mended.
+    let worst = found.iter().map(|misfit| misfit.rmse).fold(0.0, f64::max);
+    found.retain(|misfit| misfit.rmse > BESIDE_THE_WORST * worst);
     Ok(found)
 }
 
-/// The light at which the fit predicts picture `light` much better than at its own.
+/// The light at which the others' pictures predict picture `light` much better than at its own.
+///
+/// The picture of that light is left out as well: in a swapped pair it is the wrong one.
 fn better_light(hat: &[f64], sample: &Sample, light: usize, rmse: f64) -> Option<usize> {
     let error_at = |(other, row): (usize, &[f64])| {
-        let mut residual: Vec<f64> = row.iter().map(|h| -h).collect();
+        let freedom = 1.0 - row[other];
+        let mut residual: Vec<f64> = row.iter().map(|h| -h / freedom).collect();
+        residual[other] = 0.0;
         residual[light] += 1.0;
         (other, sample.rms(&residual))
     };
-    let others = hat.chunks_exact(sample.lights).enumerate().filter(|(other, _)| *other != light);
+    let others = hat.chunks_exact(sample.lights).enumerate();
+    let others = others.filter(|(other, row)| *other != light && row[*other] < MOST_LEVERAGE);
     let best = others.map(error_at).min_by(|a, b| a.1.total_cmp(&b.1));
     best.filter(|(_, error)| *error < MUCH_BETTER * rmse).map(|(other, _)| other)
 }

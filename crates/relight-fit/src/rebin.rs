@@ -7,7 +7,9 @@
 use crate::{FitError, LeastSquares};
 use rayon::prelude::*;
 use relight_core::weighted_sums::{Rows, weighted_sums};
-use relight_core::{CoefficientMap, CoefficientRange, CoefficientSpan, CpuLevel, LUMINANCE, Layout, Model, Stack};
+use relight_core::{
+    CoefficientMap, CoefficientRange, CoefficientSpan, CpuLevel, LUMINANCE, Layout, Model, Stack,
+};
 
 /// Pixels of a span.
 pub const SPAN: usize = 8192;
@@ -204,9 +206,9 @@ fn channel_ranges(row: &[f32]) -> [CoefficientRange; 3] {
         }
     }
     std::array::from_fn(|channel| {
-        (channel..WIDTH)
-            .step_by(3)
-            .fold(CoefficientRange::EMPTY, |range, lane| range.union(CoefficientRange { min: min[lane], max: max[lane] }))
+        (channel..WIDTH).step_by(3).fold(CoefficientRange::EMPTY, |range, lane| {
+            range.union(CoefficientRange { min: min[lane], max: max[lane] })
+        })
     })
 }
 

@@ -13,8 +13,8 @@ use exr::meta::BlockDescription;
 use exr::meta::header::Header;
 use exr::prelude::{AttributeValue, ChannelDescription, Compression, LineOrder, SampleType, Text, Vec2};
 use half::f16;
-use relight_core::{CoefficientSpan, Layout};
 use relight_core::CoefficientRange;
+use relight_core::{CoefficientSpan, Layout};
 use relight_texture::Precision;
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -54,9 +54,12 @@ pub(super) fn create(
         return Err(FormatError::invalid(path, problem));
     }
     check_memory(path, &header, memory_limit).map_err(|error| match error {
-        FormatError::TooLarge { path, needed, limit, .. } => {
-            FormatError::TooLarge { path, needed, limit, remedy: "raise --memory, or write .ktx2, which is streamed" }
-        }
+        FormatError::TooLarge { path, needed, limit, .. } => FormatError::TooLarge {
+            path,
+            needed,
+            limit,
+            remedy: "raise --memory, or write .ktx2, which is streamed",
+        },
         other => other,
     })?;
     let names = plane_names(&header.model);

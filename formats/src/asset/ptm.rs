@@ -6,8 +6,8 @@
 use super::texels::code;
 use super::{AssetHeader, AssetWriter, assert_shape, check_complete, quantizers};
 use crate::{FormatError, OutputFile};
-use relight_core::{Basis, CoefficientSpan, Layout, Model, Space};
 use relight_core::CoefficientRange;
+use relight_core::{Basis, CoefficientSpan, Layout, Model, Space};
 use relight_texture::Quantizer;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -65,7 +65,9 @@ pub(super) fn create(
     }
     let scale_bias: Vec<_> = coefficients
         .chunks(planes_per_function)
-        .map(|ranges| scale_bias_of(ranges.iter().fold(CoefficientRange::EMPTY, |all, &range| all.union(range))))
+        .map(|ranges| {
+            scale_bias_of(ranges.iter().fold(CoefficientRange::EMPTY, |all, &range| all.union(range)))
+        })
         .collect();
     let joined = |words: Vec<String>| words.join(" ");
     let head = format!(

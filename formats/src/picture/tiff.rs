@@ -171,7 +171,9 @@ fn error_from_tiff(error: TiffError, path: &Path, memory_limit: u64) -> FormatEr
             path,
             format!("a TIFF of a kind that is not read: {what}; convert it to RGB"),
         ),
-        TiffError::LimitsExceeded => FormatError::too_large(path, memory_limit.saturating_add(1), memory_limit),
+        TiffError::LimitsExceeded => {
+            FormatError::too_large(path, memory_limit.saturating_add(1), memory_limit)
+        }
         error => damaged(path, error),
     }
 }

@@ -58,8 +58,8 @@ fn a_pixel_lit_in_one_picture_only_has_a_base_colour() {
         );
     let map = map_of(&basis, &lights, Ridge::Fixed(0.0), &pictures, Layout::Lrgb);
     for pixel in 0..SIZE.0 * SIZE.1 {
-        for channel in 0..3 {
-            let expected = if pixel % 3 == 1 { color[channel] / 0.4 } else { 1.0 };
+        for (channel, component) in color.iter().enumerate() {
+            let expected = if pixel % 3 == 1 { component / 0.4 } else { 1.0 };
             let found = f64::from(map.planes[6 + channel][pixel]);
             assert!((found - expected).abs() < 1e-6, "pixel {pixel} channel {channel}: {found} {expected}");
         }
@@ -80,8 +80,8 @@ fn constant_pictures_stay_constant_under_every_light() {
                     let map = map_of(&basis, &lights, ridge, &pictures, layout);
                     for light in &between {
                         for pixel in [0, 1000, SIZE.0 * SIZE.1 - 1] {
-                            for channel in 0..channels {
-                                let error = (relit(&map, *light, pixel, channel) - color[channel]).abs();
+                            for (channel, component) in color.iter().enumerate().take(channels) {
+                                let error = (relit(&map, *light, pixel, channel) - component).abs();
                                 assert!(error < bound, "{name} {count} {layout:?} {ridge:?}: {error}");
                             }
                         }
