@@ -333,9 +333,11 @@ impl BakeArguments {
         let family = self.family()?;
         let sized = |word: &str, size: Option<usize>| match (size, family.size) {
             (None, _) => Ok(None),
-            (Some(size), Some((has, count))) if has == word && size < 1000 => Ok(Some(count(size))),
-            (Some(_), size) => {
-                let takes = size.map_or("-k".to_owned(), |(word, _)| format!("-k or --{word}"));
+            (Some(size), Some(named)) if named.word == word && size < 1000 => {
+                Ok(Some((named.count_of)(size)))
+            }
+            (Some(_), named) => {
+                let takes = named.map_or("-k".to_owned(), |named| format!("-k or --{}", named.word));
                 Err(Failure::usage(format!("basis {} takes no --{word}; use {takes}", family.name)))
             }
         };

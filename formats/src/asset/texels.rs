@@ -138,22 +138,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    #[ignore = "a measurement: cargo test --release -- --ignored --nocapture rgb_texels"]
-    fn speed_of_rgb_texels() {
-        let (pixels, layers) = (1 << 20, 25);
-        let rgb: Vec<f32> = (0..pixels * 3).map(|i| ((i * 7919) % 10007) as f32 / 10007.0).collect();
-        let quantizers = [Quantizer::over(CoefficientRange { min: 0.0, max: 1.0 }); 3];
-        for precision in [Precision::U8, Precision::F16, Precision::F32] {
-            let mut buffer = TexelBuffer::default();
-            let start = std::time::Instant::now();
-            for _ in 0..layers {
-                for piece in rgb.chunks(3 * 4096) {
-                    std::hint::black_box(buffer.rgba_from_rgb(precision, piece, &quantizers));
-                }
-            }
-            println!("{}: {layers} layers of 1 MP in {:?}", precision.name(), start.elapsed());
-        }
-    }
 }

@@ -74,6 +74,15 @@ impl<'a> Design<'a> {
     }
 }
 
+/// The word for a family's size and what it means.
+#[derive(Clone, Copy, Debug)]
+pub struct SizeWord {
+    /// `order` or `degree`.
+    pub word: &'static str,
+    /// The number of functions of each size.
+    pub count_of: fn(usize) -> usize,
+}
+
 /// A row of the table of families.
 #[derive(Clone, Copy, Debug)]
 pub struct Family {
@@ -89,8 +98,8 @@ pub struct Family {
     /// small enough for 8 bits without costing accuracy. Measured on five captures
     /// (docs/accuracy.md, "Ridge"); larger than MATH.md's for synthetic data.
     pub ridge: f64,
-    /// The word for its size, `order` or `degree`, with the number of functions for each.
-    pub size: Option<(&'static str, fn(usize) -> usize)>,
+    /// How its size is named other than by the number of functions.
+    pub size: Option<SizeWord>,
     make: fn(&Design<'_>) -> Result<Basis, BasisError>,
 }
 
@@ -102,7 +111,7 @@ pub static FAMILIES: [Family; 4] = [
         counts: Counts::Listed(&ptm::COUNTS),
         default_count: 6,
         ridge: 1e-4,
-        size: Some(("degree", ptm::count_of_degree)),
+        size: Some(SizeWord { word: "degree", count_of: ptm::count_of_degree }),
         make: |design| Ptm::with_count(design.count).map(Basis::Ptm),
     },
     Family {
@@ -111,7 +120,7 @@ pub static FAMILIES: [Family; 4] = [
         counts: Counts::Listed(&sh::COUNTS),
         default_count: 9,
         ridge: 2e-4,
-        size: Some(("order", sh::count_of_order)),
+        size: Some(SizeWord { word: "order", count_of: sh::count_of_order }),
         make: |design| Sh::with_count(design.count).map(Basis::Sh),
     },
     Family {
@@ -120,7 +129,7 @@ pub static FAMILIES: [Family; 4] = [
         counts: Counts::Listed(&hsh::COUNTS),
         default_count: 9,
         ridge: 1e-4,
-        size: Some(("order", sh::count_of_order)),
+        size: Some(SizeWord { word: "order", count_of: sh::count_of_order }),
         make: |design| Hsh::with_count(design.count).map(Basis::Hsh),
     },
     Family {
