@@ -21,6 +21,9 @@ pub fn describe(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
         facts.extend(file.notes.into_iter().map(|note| fact("note", note)));
         return Ok(facts);
     }
+    if path.is_dir() {
+        return Err(FormatError::unsupported(path, "is a folder; name a file in it"));
+    }
     let mut magic = Vec::new();
     let file = std::fs::File::open(path).map_err(|source| FormatError::io(path, "open", source))?;
     file.take(16).read_to_end(&mut magic).map_err(|source| FormatError::io(path, "read", source))?;

@@ -83,7 +83,7 @@ impl PictureStack {
         let decoder = (largest * DECODER_SHARE).max(DECODER_LEAST);
         let available = settings.memory.saturating_sub(RESERVE);
         if decoder > available {
-            let path = paths.first().map_or(Path::new(""), PathBuf::as_path);
+            let path = paths.first().and_then(|path| path.parent()).unwrap_or(Path::new(""));
             return Err(FormatError::too_large(path, decoder + RESERVE, settings.memory));
         }
         // A quarter for decoders, so that most of the memory holds pictures.

@@ -67,7 +67,7 @@ impl LeastSquares {
             Ridge::Fixed(ridge) => judge(ridge),
             Ridge::Auto => {
                 let mut best = judge(basis.family().ridge);
-                let mut ridge = best.0 * STEP;
+                let mut ridge = best.0.max(f64::EPSILON) * STEP;
                 while ridge <= LARGEST {
                     let tried = judge(ridge);
                     if tried.3 < WORTH * best.3 {

@@ -29,15 +29,22 @@ impl LeaveOneOut {
     pub fn of(decomposition: &Decomposition, solution: &[f64], sample: &Sample) -> Self {
         let lights = decomposition.lights;
         assert_eq!(lights, sample.lights, "sample of another light set");
-        let hat = decomposition.hat(solution);
+        // A light's residual is e - a S with a its row of the design, so its square over the sample is
+        // G_ii - 2 a (S G)_i + a (S G S^T) a^T: N^2 k in all, where N rows of the hat matrix take N^3.
+        let functions = decomposition.functions;
+        let image = product(solution, &sample.gram, lights);
+        let spread = product_with_transposed(&image, solution, lights);
         let (mut fit, mut left_out, mut leverage) = (Vec::new(), Vec::new(), Vec::new());
-        for (i, row) in hat.chunks_exact(lights).enumerate() {
-            let mut residual: Vec<f64> = row.iter().map(|h| -h).collect();
-            residual[i] += 1.0;
-            let rms = sample.rms(&residual);
+        for (i, row) in decomposition.design.chunks_exact(functions).enumerate() {
+            let column =
+                |matrix: &[f64]| row.iter().enumerate().map(|(j, a)| a * matrix[j * lights + i]).sum::<f64>();
+            let quadratic: f64 = spread.chunks_exact(functions).zip(row).map(|(s, a)| a * dot(s, row)).sum();
+            let square = sample.gram[i * lights + i] - 2.0 * column(&image) + quadratic;
+            // Rounding may leave -1e-18 where the true value is 0.
+            let (rms, h) = (square.max(0.0).sqrt(), column(solution));
             fit.push(rms);
-            leverage.push(row[i]);
-            left_out.push(if row[i] > FULL_LEVERAGE { f64::INFINITY } else { rms / (1.0 - row[i]) });
+            leverage.push(h);
+            left_out.push(if h > FULL_LEVERAGE { f64::INFINITY } else { rms / (1.0 - h) });
         }
         Self { fit, left_out, leverage }
     }
@@ -58,4 +65,27 @@ impl LeaveOneOut {
         let freedom = 1.0 - self.leverage.iter().sum::<f64>() / self.leverage.len().max(1) as f64;
         if freedom > 1.0 - FULL_LEVERAGE { Self::mean(&self.fit, weights) / freedom } else { f64::INFINITY }
     }
+}
+
+/// Sum of products, in order.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// `a b` for rows of `a` of length n and an n x n matrix `b`.
+fn product(a: &[f64], b: &[f64], n: usize) -> Vec<f64> {
+    let mut result = vec![0.0; a.len()];
+    for (row, out) in a.chunks_exact(n).zip(result.chunks_exact_mut(n)) {
+        for (x, b) in row.iter().zip(b.chunks_exact(n)) {
+            for (out, y) in out.iter_mut().zip(b) {
+                *out += x * y;
+            }
+        }
+    }
+    result
+}
+
+/// `a b^T` for rows of length n.
+fn product_with_transposed(a: &[f64], b: &[f64], n: usize) -> Vec<f64> {
+    a.chunks_exact(n).flat_map(|x| b.chunks_exact(n).map(|y| dot(x, y)).collect::<Vec<_>>()).collect()
 }

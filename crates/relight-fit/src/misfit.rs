@@ -1,6 +1,6 @@
 //! Pictures that don't fit their light: a swapped name, a lamp that failed, a moved object.
 
-use crate::{FitError, LeastSquares, LightWeights, Ridge, Sample, largest_usable};
+use crate::{FitError, LeastSquares, LeaveOneOut, LightWeights, Ridge, Sample, largest_usable};
 use relight_core::basis::SrbfDesign;
 use relight_core::{Direction, Family, LightSet};
 
@@ -35,6 +35,17 @@ const BESIDE_THE_WORST: f64 = 0.4;
 /// Above this leverage a light is predicted by extrapolation, and its error says nothing.
 const MOST_LEVERAGE: f64 = 0.8;
 
+/// Exchanging two pictures must lower the fit's squared error by this part.
+///
+/// Measured on icon72: the best exchange of the untouched capture gains 1.8 %, right ones 5 to 75 %.
+const WORTH_EXCHANGING: f64 = 0.05;
+
+/// Exchanged pairs that are looked for.
+const MOST_PAIRS: usize = 8;
+
+/// Pictures that are tried for an exchange with every other one.
+const MOST_SUSPECTS: usize = 64;
+
 /// Another light suits a picture much better when its error is below this part of its own light's.
 const MUCH_BETTER: f64 = 0.6;
 
@@ -57,23 +68,118 @@ pub fn misfits(lights: &LightSet, sample: &Sample) -> Result<Vec<Misfit>, FitErr
     });
     let Some(usable) = usable else { return Ok(Vec::new()) };
     let fit = LeastSquares::new(usable.basis, &directions, LightWeights::Voronoi, Ridge::Auto, sample)?;
-    let errors = &fit.leave_one_out;
     let hat = fit.decomposition.hat(&fit.solution);
-    let overall = median(errors.left_out.clone());
+    let expected = expectations(&directions, &fit.leave_one_out);
+
+    let mut mended = sample.clone();
     let mut found = Vec::new();
-    for (light, &rmse) in errors.left_out.iter().enumerate() {
-        let near = nearest(&directions, light).into_iter().map(|j| errors.left_out[j]).collect();
-        let expected = median(near).max(overall);
-        if errors.leverage[light] < MOST_LEVERAGE && rmse > FACTOR * expected && rmse > 1e-6 {
-            let better = better_light(&hat, sample, light, rmse);
-            found.push(Misfit { light, rmse, expected, better });
+    for (a, b) in swapped_pairs(&hat, &fit.leave_one_out, &expected, &mut mended) {
+        for (light, other) in [(a, b), (b, a)] {
+            let rmse = fit.leave_one_out.left_out[light];
+            found.push(Misfit { light, rmse, expected: expected[light], better: Some(other) });
         }
     }
-    // A badly wrong picture spoils the prediction of its neighbours: what stands out little beside
-    // the worst is told when that is mended.
-    let worst = found.iter().map(|misfit| misfit.rmse).fold(0.0, f64::max);
-    found.retain(|misfit| misfit.rmse > BESIDE_THE_WORST * worst);
+    // What stands out once those pairs are in their places: a wrong picture spoils its neighbours.
+    let errors = LeaveOneOut::of(&fit.decomposition, &fit.solution, &mended);
+    let expected = expectations(&directions, &errors);
+    let mut single = Vec::new();
+    for (light, &rmse) in errors.left_out.iter().enumerate() {
+        let judged = errors.leverage[light] < MOST_LEVERAGE && found.iter().all(|pair| pair.light != light);
+        if judged && rmse > FACTOR * expected[light] && rmse > 1e-6 {
+            let better = better_light(&hat, &mended, light, rmse);
+            single.push(Misfit { light, rmse, expected: expected[light], better });
+        }
+    }
+    let worst = single.iter().map(|misfit| misfit.rmse).fold(0.0, f64::max);
+    single.retain(|misfit| misfit.rmse > BESIDE_THE_WORST * worst);
+    found.extend(single);
+    found.sort_by_key(|misfit| misfit.light);
     Ok(found)
+}
+
+/// For each light the left-out error that its neighbours and all lights let expect.
+fn expectations(directions: &[Direction], errors: &LeaveOneOut) -> Vec<f64> {
+    let overall = median(errors.left_out.clone());
+    let near = |i| nearest(directions, i).into_iter().map(|j| errors.left_out[j]).collect();
+    (0..directions.len()).map(|i| median(near(i)).max(overall)).collect()
+}
+
+/// Pairs of pictures whose exchange lowers the error of the whole fit, worst pair first; `sample` has
+/// them exchanged afterwards.
+///
+/// With M = (I - H)^T (I - H) the fit's squared error is E = sum of `M * G`, and exchanging pictures i
+/// and j changes it by 2 sum over r of (M_ir - M_jr)(G_jr - G_ir) + (M_ii - M_jj)(G_jj - G_ii), r
+/// other than i and j.
+fn swapped_pairs(
+    hat: &[f64],
+    errors: &LeaveOneOut,
+    expected: &[f64],
+    sample: &mut Sample,
+) -> Vec<(usize, usize)> {
+    let n = sample.lights;
+    let metric = residual_metric(hat, n);
+    // At least one of a pair stands out somewhat.
+    let mut suspects: Vec<usize> = (0..n).filter(|&i| errors.left_out[i].is_finite()).collect();
+    let ratio = |i: usize| errors.left_out[i] / expected[i].max(f64::MIN_POSITIVE);
+    suspects.sort_by(|&a, &b| ratio(b).total_cmp(&ratio(a)));
+    suspects.truncate(MOST_SUSPECTS);
+
+    let mut pairs: Vec<(usize, usize)> = Vec::new();
+    while pairs.len() < MOST_PAIRS {
+        let gram = &sample.gram;
+        let total: f64 = metric.iter().zip(gram).map(|(m, g)| m * g).sum();
+        let change = |i: usize, j: usize| {
+            let rows = |matrix: &'_ [f64]| {
+                (i * n..(i + 1) * n)
+                    .zip(j * n..(j + 1) * n)
+                    .map(|(a, b)| matrix[a] - matrix[b])
+                    .collect::<Vec<_>>()
+            };
+            let (m, g) = (rows(&metric), rows(gram));
+            let others = (0..n).filter(|&r| r != i && r != j).map(|r| -m[r] * g[r]).sum::<f64>();
+            let own = (metric[i * n + i] - metric[j * n + j]) * (gram[j * n + j] - gram[i * n + i]);
+            2.0 * others + own
+        };
+        let free = |i: &usize| pairs.iter().all(|&(a, b)| a != *i && b != *i);
+        let candidates =
+            suspects.iter().filter(|i| free(i)).flat_map(|&i| (0..n).filter(free).map(move |j| (i, j)));
+        let best = candidates
+            .filter(|(i, j)| i != j)
+            .map(|(i, j)| (change(i, j), i.min(j), i.max(j)))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        match best {
+            Some((change, i, j)) if change < -WORTH_EXCHANGING * total => {
+                pairs.push((i, j));
+                exchange(&mut sample.gram, n, i, j);
+            }
+            _ => break,
+        }
+    }
+    pairs
+}
+
+/// `(I - H)^T (I - H)`, n x n.
+fn residual_metric(hat: &[f64], n: usize) -> Vec<f64> {
+    let residual: Vec<f64> = hat.iter().enumerate().map(|(at, h)| f64::from(at / n == at % n) - h).collect();
+    let mut metric = vec![0.0; n * n];
+    for row in residual.chunks_exact(n) {
+        for (a, out) in row.iter().zip(metric.chunks_exact_mut(n)) {
+            for (out, b) in out.iter_mut().zip(row) {
+                *out += a * b;
+            }
+        }
+    }
+    metric
+}
+
+/// Exchanges pictures i and j in a matrix of inner products.
+fn exchange(gram: &mut [f64], n: usize, i: usize, j: usize) {
+    for r in 0..n {
+        gram.swap(i * n + r, j * n + r);
+    }
+    for r in 0..n {
+        gram.swap(r * n + i, r * n + j);
+    }
 }
 
 /// The light at which the others' pictures predict picture `light` much better than at its own.

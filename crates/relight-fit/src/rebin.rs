@@ -139,7 +139,7 @@ impl Scratch {
             weighted_sums(level, solution, lights, input, output, width);
             for (x, [r, g, b, square]) in products.into_iter().enumerate() {
                 let largest = r.max(g).max(b);
-                let lit = largest > 0.0 && square > 0.0;
+                let lit = largest > 0.0 && square > 0.0 && largest.is_finite() && square.is_finite();
                 let factor = if lit { largest / square } else { 0.0 };
                 let color = if lit { [r, g, b].map(|c| (c / largest).max(0.0)) } else { [1.0; 3] };
                 self.base_color[(start + x) * 3..][..3].copy_from_slice(&color);

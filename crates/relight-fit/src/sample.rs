@@ -20,26 +20,35 @@ pub struct Sample {
     pub gram: Vec<f64>,
 }
 
-/// First pixel of each run: one at a place of its own in each of `RUNS` equal parts of the picture.
-fn run_starts(pixels: usize) -> Vec<usize> {
-    if pixels <= RUN * RUNS {
+/// Lights up to which all runs are taken: the inner products of N pictures cost N^2 a sample.
+const LIGHTS_FOR_ALL_RUNS: usize = 500;
+
+/// Runs taken from `lights` pictures.
+fn runs_for(lights: usize) -> usize {
+    let square = |n: usize| n * n;
+    (RUNS * square(LIGHTS_FOR_ALL_RUNS) / square(lights.max(1))).clamp(RUNS / 8, RUNS)
+}
+
+/// First pixel of each run: one at a place of its own in each of `runs` equal parts of the picture.
+fn run_starts(pixels: usize, runs: usize) -> Vec<usize> {
+    if pixels <= RUN * runs {
         return (0..pixels).step_by(RUN).collect();
     }
-    let part = pixels as f64 / RUNS as f64;
+    let part = pixels as f64 / runs as f64;
     // The golden ratio's multiples keep the places from lining up with the picture's rows.
     let place = |i: usize| (i as f64 * 0.618_033_988_749_894_9).fract() * (part - RUN as f64);
-    (0..RUNS).map(|i| (i as f64 * part + place(i)) as usize).collect()
+    (0..runs).map(|i| (i as f64 * part + place(i)) as usize).collect()
 }
 
 impl Sample {
     /// Takes up to 8,192 pixels of `stack` in runs spread over the picture, the same for every
-    /// stack of that size.
+    /// stack of that size; fewer, down to 1,024, of more than 500 pictures.
     ///
     /// # Errors
     /// [`StackError`] when a picture can't be read back.
     pub fn of(stack: &dyn Stack) -> Result<Self, StackError> {
         let (lights, channels) = (stack.lights(), stack.channels());
-        let starts = run_starts(stack.pixels());
+        let starts = run_starts(stack.pixels(), runs_for(lights));
         let mut values = vec![Vec::new(); lights];
         for start in starts {
             let pixels = RUN.min(stack.pixels() - start);
@@ -112,7 +121,7 @@ mod tests {
     #[test]
     fn runs_stay_apart_and_inside() {
         for pixels in [1, 15, 16, 17, 8192, 8193, 1_000_003] {
-            let starts = run_starts(pixels);
+            let starts = run_starts(pixels, RUNS);
             assert!(starts.windows(2).all(|w| w[1] >= w[0] + RUN), "{pixels}");
             let last = *starts.last().unwrap();
             assert!(last < pixels && (pixels <= RUN * RUNS || last + RUN <= pixels), "{pixels}");

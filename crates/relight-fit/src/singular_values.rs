@@ -17,8 +17,9 @@ pub(crate) struct SingularValues {
     pub(crate) right: DMatrix<f64>,
 }
 
-/// Columns count as orthogonal when their cosine is below this.
-const ORTHOGONAL: f64 = 1e-15;
+/// Columns count as orthogonal when their cosine is below this: the rounding of a dot product of a
+/// hundred terms. A smaller one turns them for ever.
+const ORTHOGONAL: f64 = 4e-15;
 
 /// Sweeps over all pairs of columns; convergence is quadratic, ten do for the worst matrix met.
 const MOST_SWEEPS: usize = 60;
