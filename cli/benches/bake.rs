@@ -110,6 +110,7 @@ fn stages(set: &Path, family: &str, count: usize) {
     let settings = StackSettings {
         space: Space::Encoded,
         memory: 8 << 30,
+        kept_back: 0,
         threads: rayon::current_num_threads(),
         spill_folder: &folder,
         level,

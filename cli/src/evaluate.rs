@@ -1,7 +1,8 @@
 //! `relight evaluate`: an asset beside photographs, light by light.
 
 use crate::failure::{Exit, Failure};
-use crate::options::{Machine, MachineOptions, check_writable};
+use crate::options::{Machine, MachineOptions, check_apart, check_writable};
+use crate::say::say;
 use crate::{interrupt, notes, progress};
 use clap::Args;
 use rayon::prelude::*;
@@ -59,12 +60,14 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
     }
     let capture = open_capture(&arguments.set)?;
     notes::print(&capture.capture.notes);
+    let read = capture.capture.pictures.iter().chain([&capture.capture.light_file, &arguments.asset]);
+    check_apart(&arguments.heatmap, read)?;
     let evaluation = evaluate(&arguments.asset, &capture, &machine)?;
     if let Some(path) = &arguments.heatmap {
         write_picture(path, &evaluation.heatmap(), PictureDepth::U8)?;
     }
     if arguments.json {
-        println!("{:#}", evaluation.to_json());
+        say!("{:#}", evaluation.to_json());
     } else {
         evaluation.print();
     }
@@ -80,6 +83,24 @@ fn check_heatmap(path: &Path) -> Result<(), Failure> {
     check_writable(path)
 }
 
+/// Fails when the pictures of `capture` are not of the size of what is to be compared with them.
+pub(crate) fn check_size(size: (usize, usize), of: &Path, capture: &OpenCapture) -> Result<(), Failure> {
+    let info = &capture.infos[0];
+    if size == (info.width, info.height) {
+        return Ok(());
+    }
+    let message = format!(
+        "{} is {} x {} pixels, the pictures of {} are {} x {}; compare pictures of one size",
+        of.display(),
+        size.0,
+        size.1,
+        capture.capture.light_file.display(),
+        info.width,
+        info.height
+    );
+    Err(Failure::new(Exit::BadInput, message))
+}
+
 /// Relights `asset` at every light of `capture` and compares.
 pub(crate) fn evaluate(
     asset: &Path,
@@ -87,19 +108,7 @@ pub(crate) fn evaluate(
     machine: &Machine,
 ) -> Result<Evaluation, Failure> {
     let maps = read_asset(asset, machine.memory)?;
-    let info = &capture.infos[0];
-    if (maps.width, maps.height) != (info.width, info.height) {
-        let message = format!(
-            "{} is {} x {} pixels, the pictures of {} are {} x {}; evaluate against pictures of the asset's size",
-            asset.display(),
-            maps.width,
-            maps.height,
-            capture.capture.light_file.display(),
-            info.width,
-            info.height
-        );
-        return Err(Failure::new(Exit::BadInput, message));
-    }
+    check_size((maps.width, maps.height), asset, capture)?;
     let linear = capture.is_float();
     let bar = progress::bar("comparing", capture.infos.len());
     let sum = Mutex::new(vec![0.0f64; maps.pixels()]);
@@ -208,10 +217,10 @@ impl Evaluation {
 
     fn print(&self) {
         let encoded = if self.linear { "  PSNR (encoded)" } else { "" };
-        println!("PSNR dB    RMSE     max  colour shift  saturation{encoded}  picture");
+        say!("PSNR dB    RMSE     max  colour shift  saturation{encoded}  picture");
         let row = |name: &str, e: [f64; 4], max: f64, encoded: f64| {
             let encoded = if self.linear { format!("  {encoded:14.2}") } else { String::new() };
-            println!("{:7.2}  {:.4}  {max:6.3}  {:+12.4}  {:+10.4}{encoded}  {name}", e[0], e[1], e[2], e[3]);
+            say!("{:7.2}  {:.4}  {max:6.3}  {:+12.4}  {:+10.4}{encoded}  {name}", e[0], e[1], e[2], e[3]);
         };
         let figures = |e: &PictureError| [e.psnr, e.rmse, shift(e), e.saturation_shift];
         for p in &self.pictures {

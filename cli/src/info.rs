@@ -1,6 +1,7 @@
 //! `relight info`: what is in a file.
 
 use crate::failure::Failure;
+use crate::say::say;
 use clap::Args;
 use relight_formats::describe;
 use std::path::PathBuf;
@@ -21,12 +22,12 @@ pub(crate) fn run(arguments: &InfoArguments) -> Result<(), Failure> {
     if arguments.json {
         let object: serde_json::Map<String, serde_json::Value> =
             facts.into_iter().map(|(name, value)| (name, value.into())).collect();
-        println!("{:#}", serde_json::Value::Object(object));
+        say!("{:#}", serde_json::Value::Object(object));
         return Ok(());
     }
     let width = facts.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
     for (name, value) in facts {
-        println!("{name:width$}  {value}");
+        say!("{name:width$}  {value}");
     }
     Ok(())
 }

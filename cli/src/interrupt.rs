@@ -1,4 +1,5 @@
-//! Ctrl-C: the work in hand stops at the next picture or span and cleans up after itself.
+//! Ctrl-C: the work in hand stops at the next picture or span and cleans up after itself; a second
+//! signal ends the program at once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -7,7 +8,11 @@ static CANCEL: AtomicBool = AtomicBool::new(false);
 /// Sets the flag on the first signal (SIGINT, SIGTERM, SIGHUP).
 pub(crate) fn watch() {
     // Without a handler the system's default ends the process, which is as good as it gets then.
-    let _ = ctrlc::set_handler(|| CANCEL.store(true, Ordering::Relaxed));
+    let _ = ctrlc::set_handler(|| {
+        if CANCEL.swap(true, Ordering::Relaxed) {
+            std::process::exit(crate::failure::Exit::Interrupted as i32);
+        }
+    });
 }
 
 /// The flag that long work looks at.

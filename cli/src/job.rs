@@ -26,9 +26,15 @@ pub(crate) fn expand(arguments: Vec<OsString>) -> Result<Vec<OsString>, Failure>
     let is_job = |argument: &OsString| {
         Path::new(argument).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
     };
-    let Some(at) = arguments.iter().skip(2).position(is_job).map(|at| at + 2).filter(|_| is_bake) else {
+    if !is_bake {
         return Ok(arguments);
-    };
+    }
+    // The parser tells the input from the values of flags.
+    let command = BakeArguments::augment_args(Command::new("bake")).ignore_errors(true).no_binary_name(true);
+    let parsed = command.mut_args(|arg| arg.required(false)).try_get_matches_from(&arguments[2..]);
+    let input = parsed.ok().and_then(|matches| matches.get_raw("input")?.next().map(OsString::from));
+    let Some(input) = input.filter(is_job) else { return Ok(arguments) };
+    let Some(at) = arguments.iter().rposition(|argument| *argument == input) else { return Ok(arguments) };
     let path = PathBuf::from(&arguments[at]);
     let text = relight_formats::read_text(&path)?;
     let given: Vec<OsString> =
@@ -93,6 +99,13 @@ fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<O
     if !table.contains_key("input") {
         return Err(bad("key 'input' is missing; name the .lp file or the folder of pictures".to_owned()));
     }
+    let is_output = |argument: &OsString| {
+        let argument = argument.to_string_lossy();
+        argument.starts_with("-o") || argument.starts_with("--output")
+    };
+    if !table.contains_key("output") && !given.iter().any(is_output) {
+        return Err(bad("key 'output' is missing; name the asset to write, or give -o".to_owned()));
+    }
     Ok(arguments)
 }
 
@@ -102,9 +115,9 @@ fn unknown_key<'a>(key: &str, known: impl Iterator<Item = &'a str>) -> String {
     let distance = |name: &&String| strsim::damerau_levenshtein(key, name);
     match known.iter().min_by_key(distance) {
         Some(near) if strsim::damerau_levenshtein(key, near) <= 3 => {
-            format!("unknown key '{key}'; did you mean '{near}'?")
+            format!("unknown key '{}'; did you mean '{near}'?", key.escape_debug())
         }
-        _ => format!("unknown key '{key}'; known keys: {}", known.join(", ")),
+        _ => format!("unknown key '{}'; known keys: {}", key.escape_debug(), known.join(", ")),
     }
 }
 
@@ -134,9 +147,9 @@ mod tests {
 
     #[test]
     fn a_size_flag_replaces_every_size_key() {
-        let arguments = expanded("input = 'a'\nk = 25", &["--order", "3"]).unwrap();
+        let arguments = expanded("input = 'a'\noutput = 'b.ktx2'\nk = 25", &["--order", "3"]).unwrap();
         assert!(!arguments.iter().any(|a| a.starts_with("--k")), "{arguments:?}");
-        let arguments = expanded("input = 'a'\nk = 25", &["--kernel", "spherical"]).unwrap();
+        let arguments = expanded("input = 'a'\nk = 25", &["--kernel", "spherical", "-o", "b.ktx2"]).unwrap();
         assert!(arguments.contains(&"--k=25".to_owned()), "{arguments:?}");
     }
 
@@ -145,6 +158,7 @@ mod tests {
         let words = |text: &str| format!("{:?}", expanded(text, &[]).unwrap_err());
         assert!(words("input = 'a'\nbassis = 'sh'").contains("did you mean 'basis'?"));
         assert!(words("basis = 'sh'").contains("'input' is missing"));
+        assert!(words("input = 'a'").contains("'output' is missing"));
         assert!(words("input = 'a'\nk = [1]").contains("'k' is of type array"));
         assert!(words("input = 'a'\n\nk = = 2").contains("line 3"));
     }

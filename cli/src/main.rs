@@ -15,6 +15,7 @@ mod notes;
 mod options;
 mod progress;
 mod render;
+mod say;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
@@ -61,7 +62,7 @@ fn main() -> ExitCode {
         Command::Lights(arguments) => lights::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
     });
-    match result {
+    match result.map(|result| result.and_then(|()| say::finish())) {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(failure)) => failure.report(),
         Err(_) => Failure::new(Exit::Bug, "a bug of ours; please report the lines above").report(),

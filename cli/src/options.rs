@@ -3,13 +3,32 @@
 use crate::failure::{Exit, Failure};
 use clap::Args;
 use relight_core::CpuLevel;
-use relight_formats::OutputFile;
-use std::path::Path;
+use relight_formats::{OutputFile, place_of};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Fails when no file can stand at `path`, so that a slip shows before the work and not after it.
 pub(crate) fn check_writable(path: &Path) -> Result<(), Failure> {
     OutputFile::create(path).map(drop).map_err(Failure::of_output)
+}
+
+/// Fails when an output is also read, or written twice.
+pub(crate) fn check_apart<'a>(
+    outputs: impl IntoIterator<Item = &'a PathBuf>,
+    inputs: impl IntoIterator<Item = &'a PathBuf>,
+) -> Result<(), Failure> {
+    let mut taken: HashSet<PathBuf> = inputs.into_iter().filter_map(|path| place_of(path)).collect();
+    for output in outputs {
+        if place_of(output).is_some_and(|place| !taken.insert(place)) {
+            let message = format!(
+                "{} is another file of this command too; give the output a name of its own",
+                output.display()
+            );
+            return Err(Failure::usage(message));
+        }
+    }
+    Ok(())
 }
 
 /// How much of the machine to use.
@@ -40,8 +59,10 @@ pub(crate) struct Machine {
 impl MachineOptions {
     /// Reads the options and sets the number of threads for all that follows.
     pub(crate) fn machine(&self) -> Result<Machine, Failure> {
-        let level =
-            CpuLevel::from_str(&self.cpu).map_err(|e| Failure::new(Exit::Unsupported, e.to_string()))?;
+        let level = CpuLevel::from_str(&self.cpu).map_err(|error| match error.is_level {
+            true => Failure::new(Exit::Unsupported, error.to_string()),
+            false => Failure::usage(error.to_string()),
+        })?;
         let threads = match self.jobs {
             Some(jobs) => usize::from(jobs),
             None => std::thread::available_parallelism().map_or(1, usize::from),

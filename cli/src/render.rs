@@ -1,7 +1,7 @@
 //! `relight render`: golden pictures of an asset under new lights.
 
 use crate::failure::Failure;
-use crate::options::{Machine, MachineOptions};
+use crate::options::{Machine, MachineOptions, check_apart};
 use crate::{interrupt, notes, progress};
 use clap::{Args, ValueEnum};
 use relight_core::relighter::{DirectionalLight, Picture, relight, relight_linear};
@@ -98,6 +98,7 @@ pub(crate) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         None => vec![(arguments.output.clone(), lights)],
     };
     let depth = depth_for(&jobs[0].0, arguments.depth)?;
+    check_apart(jobs.iter().map(|(path, _)| path), arguments.lights.iter().chain([&arguments.asset]))?;
     let maps = read_asset(&arguments.asset, machine.memory)?;
     if arguments.lights.is_some() {
         relight_formats::create_folder(&arguments.output)?;
@@ -140,10 +141,13 @@ fn jobs_of_file(file: &Path, folder: &Path, depth: Option<Depth>) -> Result<Vec<
     let jobs = file.entries.iter().map(|entry| {
         let base = entry.name.rsplit(['/', '\\']).next().unwrap_or("light");
         let stem = base.rsplit_once('.').map_or(base, |(stem, _)| stem);
+        let stem = if stem.trim_matches('.').is_empty() { "light" } else { stem };
         let mut name = format!("{stem}.{extension}");
-        if !taken.insert(name.to_lowercase()) {
-            name = format!("{stem}_line{}.{extension}", entry.line);
-            taken.insert(name.to_lowercase());
+        let mut again = 0;
+        while !taken.insert(name.to_lowercase()) {
+            again += 1;
+            let suffix = if again == 1 { String::new() } else { format!("_{again}") };
+            name = format!("{stem}_line{}{suffix}.{extension}", entry.line);
         }
         (folder.join(name), vec![DirectionalLight { direction: entry.direction, color: [1.0; 3] }])
     });

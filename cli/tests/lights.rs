@@ -37,11 +37,11 @@ fn every_flaw_of_a_capture_is_found() {
     flat(9).save(here.join("capture").join(name(11))).unwrap();
     let out = relight(here, "lights capture").ok().stdout;
     for words in [
-        "1 pairs of lights less than 0.1 deg apart:\n  p03.png (line 5) and p08.png (line 10)\n",
-        "1 vectors that are not of unit length (directions are used):\n  p06.png (line 8): length 2.121\n",
-        "1 pictures that no line names:\n",
+        "pairs of lights less than 0.1 deg apart: 1\n  p03.png (line 5) and p08.png (line 10)\n",
+        "vectors that are not of unit length (directions are used): 1\n  p06.png (line 8): length 2.121\n",
+        "pictures that no line names: 1\n",
         "stray.png\n",
-        "2 pictures over- or under-exposed:\n  p10.png: over-exposed, 66.7 % of its samples at full scale\n  p11.png: under-exposed, ",
+        "pictures over- or under-exposed: 2\n  p10.png: over-exposed, 66.7 % of its samples at full scale\n  p11.png: under-exposed, ",
     ] {
         assert!(out.contains(words), "no '{words}' in\n{out}");
     }
@@ -51,7 +51,7 @@ fn every_flaw_of_a_capture_is_found() {
     let failed = relight(here, "lights capture");
     failed.assert_refused(1, &["lights.lp", "1 of 20 pictures", "'p02.png'"]);
     let out = &failed.stdout;
-    assert!(out.contains("1 names that match no file:\n  p02.png (line 4)\n"), "{out}");
+    assert!(out.contains("names that match no file: 1\n  p02.png (line 4)\n"), "{out}");
     assert!(out.contains("largest usable: "), "{out}");
     relight(here, "bake capture -o a.ktx2").assert_refused(3, &["1 of 20 pictures", "'p02.png'"]);
 }

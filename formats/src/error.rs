@@ -58,7 +58,7 @@ impl FormatError {
 
     /// A [`FormatError::TooLarge`].
     pub fn too_large(path: &Path, needed: u64, limit: u64) -> Self {
-        Self::TooLarge { path: path.to_owned(), needed, limit, remedy: "raise --memory" }
+        Self::TooLarge { path: path.to_owned(), needed, limit, remedy: "raise --memory or lower -j" }
     }
 
     /// An [`FormatError::Unsupported`].

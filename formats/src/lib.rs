@@ -18,7 +18,7 @@ pub use capture_folder::{OpenCapture, open_capture};
 pub use describe::describe;
 pub use error::FormatError;
 pub use light_file::{Capture, LightFile, light_file_in, match_pictures, read_light_file, unmatched};
-pub use machine::{create_folder, machine_memory, read_text};
+pub use machine::{create_folder, machine_memory, place_of, read_text};
 pub use output_file::{OutputFile, write_whole};
 pub use picture::{DecodedPicture, PictureInfo, SampleType, Samples, decode, probe};
 pub use picture_output::{PictureDepth, picture_depths, write_picture};

@@ -1,7 +1,7 @@
 //! Facts about the machine and its folders.
 
 use crate::FormatError;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Bytes of memory that this process may use: the machine's, or its container's limit when lower.
 pub fn machine_memory() -> u64 {
@@ -19,6 +19,14 @@ pub fn machine_memory() -> u64 {
 /// [`FormatError::Io`].
 pub fn create_folder(folder: &Path) -> Result<(), FormatError> {
     std::fs::create_dir_all(folder).map_err(|source| FormatError::io(folder, "create folder", source))
+}
+
+/// Where `path` is, links followed, whether or not a file stands there; `None` without a folder.
+pub fn place_of(path: &Path) -> Option<PathBuf> {
+    path.canonicalize().ok().or_else(|| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Some(folder.canonicalize().ok()?.join(path.file_name()?))
+    })
 }
 
 /// The text of a file of at most 1 MiB.

@@ -19,8 +19,10 @@ pub struct StackSettings<'a> {
     /// Values are handed out in this space; integer pictures are taken to be sRGB-encoded, float
     /// pictures to be linear.
     pub space: Space,
-    /// Bytes that pictures, decoders and buffers may take together.
+    /// Bytes that the process may take.
     pub memory: u64,
+    /// Bytes of these that others need beside the stack.
+    pub kept_back: u64,
     /// Pictures decoded at a time, at most.
     pub threads: usize,
     /// Where the temporary file goes when the memory does not suffice.
@@ -62,11 +64,6 @@ const DECODER_LEAST: u64 = 4 << 20;
 const RESERVE: u64 = 48 << 20;
 
 impl PictureStack {
-    /// Bytes of all pictures as stored.
-    pub fn bytes_of(infos: &[PictureInfo]) -> u64 {
-        infos.iter().map(PictureInfo::bytes).sum()
-    }
-
     /// Decodes `paths`, whose headers `infos` were probed and found of one size.
     ///
     /// # Errors
@@ -81,10 +78,14 @@ impl PictureStack {
         let channels = infos.iter().map(|info| info.channels).max().unwrap_or(1);
         let largest = infos.iter().map(PictureInfo::bytes).max().unwrap_or(0);
         let decoder = (largest * DECODER_SHARE).max(DECODER_LEAST);
-        let available = settings.memory.saturating_sub(RESERVE);
+        let available = settings.memory.saturating_sub(settings.kept_back.saturating_add(RESERVE));
         if decoder > available {
             let path = paths.first().and_then(|path| path.parent()).unwrap_or(Path::new(""));
-            return Err(FormatError::too_large(path, decoder + RESERVE, settings.memory));
+            return Err(FormatError::too_large(
+                path,
+                decoder + RESERVE + settings.kept_back,
+                settings.memory,
+            ));
         }
         // A quarter for decoders, so that most of the memory holds pictures.
         let decoders = (available / 4 / decoder.max(1)).clamp(1, settings.threads.max(1) as u64) as usize;

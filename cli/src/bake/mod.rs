@@ -5,14 +5,14 @@ mod report;
 
 use crate::failure::Failure;
 use crate::holdout::Holdout;
-use crate::options::{Machine, MachineOptions, check_writable};
+use crate::options::{Machine, MachineOptions, check_apart, check_writable};
 use crate::{evaluate, interrupt, notes, progress};
 use clap::{Args, ValueEnum};
 use relight_core::basis::{Domain, FAMILIES, Kernel, PointSet, Spread, SrbfDesign};
 use relight_core::{Layout, Model, Space, Stack};
 use relight_fit::{LightWeights, Ridge, Sample, coefficient_ranges, for_each_span, span_bytes};
 use relight_formats::{
-    AssetFormat, AssetHeader, FormatError, OpenCapture, PictureStack, StackSettings, open_capture,
+    AssetFormat, AssetHeader, OpenCapture, PictureStack, StackSettings, open_capture, place_of,
 };
 use relight_texture::Precision;
 use std::path::{Path, PathBuf};
@@ -142,6 +142,9 @@ fn spread_of(text: &str) -> Result<Spread, String> {
     }
 }
 
+/// The largest --order or --degree that is counted out; all families end far below.
+const LARGEST_SIZE: usize = 20;
+
 /// Seconds that each stage took, in order.
 pub(crate) struct Stages(Vec<(&'static str, f64)>);
 
@@ -167,6 +170,10 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let all = stages.time("open", || open_capture(&arguments.input))?;
     notes::print(&all.capture.notes);
     let (fitted, left_out) = split(&all, arguments.holdout.as_ref())?;
+    let judges =
+        left_out.iter().flat_map(|judge| judge.capture.pictures.iter().chain([&judge.capture.light_file]));
+    let read = all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges);
+    check_apart(std::iter::once(&arguments.output).chain(&arguments.report), read)?;
     let space = arguments.space(&all);
     let choice = fit::choose_basis(arguments, &fitted)?;
     let layout = arguments.layout(&fitted);
@@ -187,13 +194,10 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
 
     let spans = machine.threads as u64 * span_bytes(fitted.infos.len(), choice.basis.count());
     let kept_back = format.held_bytes(&header(model.clone())).saturating_add(spans);
-    let Some(memory) = machine.memory.checked_sub(kept_back).filter(|&memory| memory > 0) else {
-        return Err(FormatError::too_large(&arguments.output, kept_back, machine.memory).into());
-    };
-    let for_pictures = Machine { memory, ..machine };
-    let stack = stages.time("decode", || load(&fitted, space, &for_pictures, &arguments.output))?;
+    let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &arguments.output))?;
     let fit = stages.time("solve", || -> Result<_, Failure> {
         let sample = Sample::of(&stack).map_err(relight_fit::FitError::from)?;
+        interrupt::check()?;
         fit::solve(arguments, choice, &fitted, &sample)
     })?;
     model.figures = Some(fit.least_squares.figures);
@@ -229,6 +233,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let summary = report::Summary {
         fit: &fit,
         fitted: &fitted,
+        notes: &all.capture.notes,
         judged: judged.as_ref(),
         stages: &stages,
         spilled,
@@ -250,9 +255,10 @@ fn split(
         None => return Ok((all.clone(), None)),
         Some(Holdout::File(path)) => {
             let judge = open_capture(path)?;
-            let names =
-                judge.capture.pictures.iter().filter_map(|p| p.canonicalize().ok()).collect::<Vec<_>>();
-            let is_judge = |path: &Path| path.canonicalize().is_ok_and(|path| names.contains(&path));
+            notes::print(&judge.capture.notes);
+            evaluate::check_size((all.infos[0].width, all.infos[0].height), &all.capture.light_file, &judge)?;
+            let places: Vec<_> = judge.capture.pictures.iter().filter_map(|path| place_of(path)).collect();
+            let is_judge = |path: &Path| place_of(path).is_some_and(|place| places.contains(&place));
             let kept: Vec<usize> =
                 (0..all.infos.len()).filter(|&i| !is_judge(&all.capture.pictures[i])).collect();
             (kept, judge)
@@ -279,6 +285,7 @@ fn load(
     capture: &OpenCapture,
     space: Space,
     machine: &Machine,
+    kept_back: u64,
     output: &Path,
 ) -> Result<PictureStack, Failure> {
     let bar = progress::bar("decoding", capture.infos.len());
@@ -289,6 +296,7 @@ fn load(
     let settings = StackSettings {
         space,
         memory: machine.memory,
+        kept_back,
         threads: machine.threads,
         spill_folder: &folder,
         level: machine.level,
@@ -333,9 +341,13 @@ impl BakeArguments {
         let family = self.family()?;
         let sized = |word: &str, size: Option<usize>| match (size, family.size) {
             (None, _) => Ok(None),
-            (Some(size), Some(named)) if named.word == word && size < 1000 => {
+            (Some(size), Some(named)) if named.word == word && size <= LARGEST_SIZE => {
                 Ok(Some((named.count_of)(size)))
             }
+            (Some(size), Some(named)) if named.word == word => Err(Failure::usage(format!(
+                "basis {} has no --{word} {size}; it has -k {}",
+                family.name, family.counts
+            ))),
             (Some(_), named) => {
                 let takes = named.map_or("-k".to_owned(), |named| format!("-k or --{}", named.word));
                 Err(Failure::usage(format!("basis {} takes no --{word}; use {takes}", family.name)))

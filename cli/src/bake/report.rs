@@ -4,6 +4,7 @@ use super::Stages;
 use super::fit::BakeFit;
 use crate::evaluate::Evaluation;
 use crate::notes;
+use crate::say::say;
 use relight_formats::OpenCapture;
 use relight_texture::Precision;
 use serde_json::{Value, json};
@@ -13,6 +14,8 @@ use std::path::Path;
 pub(super) struct Summary<'a> {
     pub(super) fit: &'a BakeFit,
     pub(super) fitted: &'a OpenCapture,
+    /// What was noteworthy about the capture's files.
+    pub(super) notes: &'a [String],
     pub(super) judged: Option<&'a Evaluation>,
     pub(super) stages: &'a Stages,
     pub(super) spilled: u64,
@@ -24,7 +27,7 @@ impl Summary<'_> {
     pub(super) fn print(&self, output: &Path) {
         notes::print(&self.fit.notes);
         let fit = &self.fit.least_squares;
-        println!(
+        say!(
             "{}: {} x {}, {} with {} functions, {}, from {} pictures",
             output.display(),
             self.fitted.infos[0].width,
@@ -34,19 +37,19 @@ impl Summary<'_> {
             self.precision.name(),
             self.fitted.infos.len()
         );
-        println!(
+        say!(
             "error of the fit {:.4}, of predicting each light from the others {:.4} (rms, 0..1, before {} storage)",
             fit.figures.fit_rmse,
             fit.figures.leave_one_out_rmse,
             self.precision.name()
         );
         if let Some(judged) = self.judged {
-            println!("held out, {} pictures: {}", judged.pictures.len(), judged.mean_words());
+            say!("held out, {} pictures: {}", judged.pictures.len(), judged.mean_words());
         }
         let total: f64 = self.stages.0.iter().map(|(_, seconds)| seconds).sum();
         let stages: Vec<_> =
             self.stages.0.iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
-        println!("{total:.2} s: {}", stages.join(", "));
+        say!("{total:.2} s: {}", stages.join(", "));
     }
 
     /// The report as JSON text.
@@ -90,7 +93,7 @@ impl Summary<'_> {
             "leave_one_out_rmse": finite(fit.figures.leave_one_out_rmse),
             "lights": lights,
             "holdout": self.judged.map(Evaluation::to_json),
-            "notes": self.fitted.capture.notes.iter().chain(&self.fit.notes).collect::<Vec<_>>(),
+            "notes": self.notes.iter().chain(&self.fit.notes).collect::<Vec<_>>(),
             "seconds": stages,
             "spilled_bytes": self.spilled,
         });

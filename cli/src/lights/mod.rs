@@ -4,6 +4,7 @@ mod plot;
 
 use crate::failure::{Exit, Failure};
 use crate::options::{Machine, MachineOptions};
+use crate::say::say;
 use crate::{interrupt, notes, progress};
 use clap::Args;
 use rayon::prelude::*;
@@ -12,7 +13,7 @@ use relight_core::sphere::largest_hole;
 use relight_core::{Design, Direction, LightSet};
 use relight_fit::{Usability, largest_usable, usability};
 use relight_formats::{
-    Capture, LightFile, Samples, decode, light_file_in, match_pictures, read_light_file, unmatched,
+    Capture, LightFile, Samples, decode, light_file_in, open_capture, read_light_file, unmatched,
 };
 use std::path::PathBuf;
 
@@ -48,14 +49,16 @@ pub(crate) fn run(arguments: &LightsArguments) -> Result<(), Failure> {
     }
     let file = read_light_file(&light_file_in(&arguments.set)?)?;
     let lights = light_set(&file);
-    notes::print(&file.notes);
-    println!("{}: {} lights", file.path.display(), lights.len());
+    say!("{}: {} lights", file.path.display(), lights.len());
     coverage(&lights);
     vectors(&file);
     let matched = names(&file)?;
-    if let Ok(capture) = &matched {
-        notes::print(&capture.notes);
-        exposures(capture, &machine)?;
+    match &matched {
+        Ok(capture) => {
+            notes::print(&capture.notes);
+            exposures(capture, &machine)?;
+        }
+        Err(_) => notes::print(&file.notes),
     }
     bases(&lights)?;
     if let Some(path) = &arguments.plot {
@@ -84,16 +87,16 @@ fn place(direction: Direction) -> String {
 fn coverage(lights: &LightSet) {
     let directions = lights.directions();
     if let Some(hole) = largest_hole(&directions) {
-        println!("largest hole: {:.1} deg around {}", hole.radius.to_degrees(), place(hole.centre));
+        say!("largest hole: {:.1} deg around {}", hole.radius.to_degrees(), place(hole.centre));
     }
     let lowest = lights.lights.iter().min_by(|a, b| a.direction.z().total_cmp(&b.direction.z()));
     if let Some(lowest) = lowest {
         let elevation = lowest.direction.elevation().to_degrees();
-        println!("lowest light: {elevation:.1} deg above the picture plane ({})", lowest.name);
+        say!("lowest light: {elevation:.1} deg above the picture plane ({})", lowest.name);
     }
     let below = directions.iter().filter(|d| d.z() < 0.0).count();
     if below > 0 {
-        println!("{below} lights lie below the picture plane: hsh sees them at the horizon, ptm as if above");
+        say!("{below} lights lie below the picture plane: hsh sees them at the horizon, ptm as if above");
     }
 }
 
@@ -117,7 +120,7 @@ fn vectors(file: &LightFile) {
     list("vectors that are not of unit length (directions are used)", &odd);
 }
 
-/// Prints names without files and files without names; the capture, or why a bake would refuse.
+/// Prints names without files and files without names; the capture, or why a bake would refuse it.
 fn names(file: &LightFile) -> Result<Result<Capture, String>, Failure> {
     let found = unmatched(file)?;
     let names: Vec<String> =
@@ -125,14 +128,14 @@ fn names(file: &LightFile) -> Result<Result<Capture, String>, Failure> {
     list("names that match no file", &names);
     let pictures: Vec<String> = found.pictures.iter().map(|path| path.display().to_string()).collect();
     list("pictures that no line names", &pictures);
-    Ok(match_pictures(file).map_err(|error| error.to_string()))
+    Ok(open_capture(&file.path).map(|open| open.capture).map_err(|error| error.to_string()))
 }
 
 fn exposures(capture: &Capture, machine: &Machine) -> Result<(), Failure> {
     let bar = progress::bar("exposure", capture.pictures.len());
     let examined = capture.pictures.par_iter().zip(&capture.lights.lights).map(|(path, light)| {
         interrupt::check()?;
-        let picture = decode(path, machine.level, machine.memory)?;
+        let picture = decode(path, machine.level, machine.memory / machine.threads as u64)?;
         bar.inc(1);
         Ok(exposure(&picture.samples).map(|words| format!("{}: {words}", light.name)))
     });
@@ -169,11 +172,11 @@ fn exposure(samples: &Samples) -> Option<String> {
 }
 
 fn bases(lights: &LightSet) -> Result<(), Failure> {
-    println!("basis        condition  rank");
+    say!("basis        condition  rank");
     let row = |found: &Usability| {
         let (name, count) = (found.basis.family().name, found.basis.count());
         let usable = if found.usable { "" } else { "  not usable" };
-        println!("{name:>5} {count:>4} {:>12.1}  {:>4}{usable}", found.condition, found.rank);
+        say!("{name:>5} {count:>4} {:>12.1}  {:>4}{usable}", found.condition, found.rank);
     };
     let mut largest = Vec::new();
     for family in &FAMILIES {
@@ -183,6 +186,7 @@ fn bases(lights: &LightSet) -> Result<(), Failure> {
             if family.counts_up_to(64).len() > 20 && (count < 9 || count.isqrt().pow(2) != count) {
                 continue;
             }
+            interrupt::check()?;
             row(&usability(family.build(&Design { count, lights, srbf })?, lights)?);
         }
         match largest_usable(family, lights, srbf, 128)? {
@@ -190,7 +194,7 @@ fn bases(lights: &LightSet) -> Result<(), Failure> {
             None => largest.push(format!("no {}", family.name)),
         }
     }
-    println!("largest usable: {}", largest.join(", "));
+    say!("largest usable: {}", largest.join(", "));
     Ok(())
 }
 
@@ -199,11 +203,11 @@ fn list(heading: &str, lines: &[String]) {
     if lines.is_empty() {
         return;
     }
-    println!("{} {heading}:", lines.len());
+    say!("{heading}: {}", lines.len());
     for line in lines.iter().take(LISTED) {
-        println!("  {line}");
+        say!("  {line}");
     }
     if lines.len() > LISTED {
-        println!("  and {} more", lines.len() - LISTED);
+        say!("  and {} more", lines.len() - LISTED);
     }
 }

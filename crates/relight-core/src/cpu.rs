@@ -27,6 +27,8 @@ const NAMES: [(&str, Kind); 3] =
 pub struct UnsupportedCpuLevel {
     /// What was asked for.
     pub name: String,
+    /// Whether it is a level that other machines have.
+    pub is_level: bool,
 }
 
 impl fmt::Display for UnsupportedCpuLevel {
@@ -92,8 +94,9 @@ impl FromStr for CpuLevel {
         if name == "auto" {
             return Ok(Self::detect());
         }
-        Self::available()
-            .find(|level| level.name() == name)
-            .ok_or_else(|| UnsupportedCpuLevel { name: name.to_owned() })
+        Self::available().find(|level| level.name() == name).ok_or_else(|| UnsupportedCpuLevel {
+            name: name.to_owned(),
+            is_level: NAMES.iter().any(|(level, _)| *level == name),
+        })
     }
 }

@@ -7,9 +7,7 @@
 use crate::{FitError, LeastSquares};
 use rayon::prelude::*;
 use relight_core::weighted_sums::{Rows, weighted_sums};
-use relight_core::{
-    CoefficientMap, CoefficientRange, CoefficientSpan, CpuLevel, LUMINANCE, Layout, Model, Stack,
-};
+use relight_core::{CoefficientMap, CoefficientRange, CoefficientSpan, CpuLevel, Layout, Model, Stack};
 
 /// Pixels of a span.
 pub const SPAN: usize = 8192;
@@ -127,7 +125,7 @@ impl Scratch {
                 let weight = fit.decomposition.weights[light] as f32;
                 let pixels = self.tile.chunks_exact(3).zip(luminance.iter_mut()).zip(&mut products);
                 for ((rgb, luminance), products) in pixels {
-                    *luminance = LUMINANCE[0] * rgb[0] + LUMINANCE[1] * rgb[1] + LUMINANCE[2] * rgb[2];
+                    *luminance = relight_core::luminance([rgb[0], rgb[1], rgb[2]]);
                     for (channel, value) in rgb.iter().enumerate() {
                         products[channel] += weight * value * *luminance;
                     }

@@ -22,9 +22,13 @@ pub fn voronoi_weights(directions: &[Direction]) -> Vec<f64> {
     let cell = (2.0 * (1.0 - libm::cos(cap.radius)) / count as f64).sqrt();
     let reach = Cap { axis: cap.axis, radius: (cap.radius + 0.5 * cell).min(PI) };
 
-    let site: Vec<usize> = (0..count)
-        .map(|i| (0..i).find(|&j| directions[i].angle_to(directions[j]) < SAME).unwrap_or(i))
-        .collect();
+    // Each light's cell is that of the first light near it that has a cell of its own.
+    let mut site: Vec<usize> = Vec::with_capacity(count);
+    for (i, direction) in directions.iter().enumerate() {
+        let near = |&j: &usize| site[j] == j && direction.angle_to(directions[j]) < SAME;
+        let shared = (0..i).find(near);
+        site.push(shared.unwrap_or(i));
+    }
     let mut sharers = vec![0.0; count];
     for &s in &site {
         sharers[s] += 1.0;
@@ -74,5 +78,9 @@ mod tests {
         assert!(weights[3] < 0.7, "{weights:?}");
         assert!((weights.iter().sum::<f64>() / 13.0 - 1.0).abs() < 1e-12);
         assert_eq!(voronoi_weights(&[Direction::OUT]), vec![1.0]);
+        // A chain: the outer two are no duplicates of each other, each is one of the middle's.
+        let chain = [0.0, 0.9e-4, 1.8e-4].map(|x| Direction::new(0.5 + x, 0.0, 0.8).unwrap());
+        let weights = voronoi_weights(&chain);
+        assert!(weights.iter().all(|&w| w > 0.2), "{weights:?}");
     }
 }
