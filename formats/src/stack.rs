@@ -83,7 +83,7 @@ impl PictureStack {
             let path = paths.first().and_then(|path| path.parent()).unwrap_or(Path::new(""));
             return Err(FormatError::too_large(
                 path,
-                decoder + RESERVE + settings.kept_back,
+                settings.kept_back.saturating_add(decoder + RESERVE),
                 settings.memory,
             ));
         }
