@@ -63,16 +63,18 @@ pub(super) fn solve(
     notes.extend(deficiency(arguments, capture, &fit)?);
     let misfits = misfits(&capture.capture.lights, sample)?;
     let name = |light: usize| &capture.capture.lights.lights[light].name;
-    for misfit in &misfits {
-        let ratio = misfit.rmse / misfit.expected;
-        let better = misfit
-            .better
-            .map_or(String::new(), |other| format!("; it fits the light of {} better", name(other)));
-        notes.push(format!(
-            "picture {} is {ratio:.1} times harder to predict than those around it{better}: check its light",
-            name(misfit.light)
-        ));
-    }
+    notes.extend(misfits.iter().map(|misfit| match misfit.better {
+        Some(other) => format!(
+            "picture {} fits the light of {} better than its own: check whether its name is swapped",
+            name(misfit.light),
+            name(other)
+        ),
+        None => format!(
+            "picture {} is {:.1} times harder to predict than those around it: check its light",
+            name(misfit.light),
+            misfit.rmse / misfit.expected
+        ),
+    }));
     Ok(BakeFit { least_squares: fit, notes, misfits })
 }
 

@@ -53,7 +53,7 @@ pub(crate) struct BakeArguments {
     /// How coefficients are stored; u8 by default, f16 in .exr
     #[arg(long, value_name = "PRECISION", value_enum)]
     precision: Option<PrecisionChoice>,
-    /// Pictures to leave out and judge by: every:N, random:N[:seed] or FILE.lp
+    /// Pictures to leave out and judge by: every:N, random:N, random:N:SEED or FILE.lp
     #[arg(long, value_name = "WHICH")]
     holdout: Option<Holdout>,
     /// SRBF: where centres come from [default: fibonacci]

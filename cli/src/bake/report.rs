@@ -56,14 +56,12 @@ impl Summary<'_> {
     pub(super) fn json(&self, output: &Path) -> String {
         let fit = &self.fit.least_squares;
         let decomposition = &fit.decomposition;
-        let lights: Vec<Value> = self
-            .fitted
-            .capture
-            .lights
-            .lights
+        let names = &self.fitted.capture.lights.lights;
+        let lights: Vec<Value> = names
             .iter()
             .enumerate()
             .map(|(i, light)| {
+                let misfit = self.fit.misfits.iter().find(|misfit| misfit.light == i);
                 json!({
                     "name": light.name,
                     "direction": light.direction,
@@ -71,7 +69,8 @@ impl Summary<'_> {
                     "leverage": fit.leave_one_out.leverage[i],
                     "fit_rmse": fit.leave_one_out.fit[i],
                     "leave_one_out_rmse": finite(fit.leave_one_out.left_out[i]),
-                    "misfit": self.fit.misfits.iter().any(|misfit| misfit.light == i),
+                    "misfit": misfit.is_some(),
+                    "fits_better": misfit.and_then(|misfit| misfit.better).map(|other| names[other].name.as_str()),
                 })
             })
             .collect();
