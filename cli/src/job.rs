@@ -19,8 +19,8 @@ const SIZES: [&str; 3] = ["k", "order", "degree"];
 /// Replaces a job file among the arguments of `bake` by what it says.
 ///
 /// # Errors
-/// A job file that can't be read, is no TOML, has an unknown key or a value that is no text, number
-/// or truth value.
+/// A job file that can't be read, is no TOML, has an unknown key or a value that is no text
+/// or number.
 pub(crate) fn expand(arguments: Vec<OsString>) -> Result<Vec<OsString>, Failure> {
     let is_bake = arguments.get(1).is_some_and(|command| command == "bake");
     let is_job = |argument: &OsString| {
@@ -70,12 +70,6 @@ fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<O
             toml::Value::String(text) => text.clone(),
             toml::Value::Integer(number) => number.to_string(),
             toml::Value::Float(number) => number.to_string(),
-            toml::Value::Boolean(truth) if !arg.get_action().takes_values() => {
-                if *truth {
-                    arguments.push(format!("--{key}").into());
-                }
-                continue;
-            }
             other => {
                 let kind = other.type_str();
                 return Err(bad(format!("key '{key}' is of type {kind}; write text or a number")));

@@ -17,19 +17,12 @@ pub(crate) fn line(arguments: Arguments<'_>) {
 
 /// Fails when lines were lost, unless it was the reader that closed.
 pub(crate) fn finish() -> Result<(), Failure> {
-    line_buffer_out();
-    match FAILED.lock().unwrap_or_else(PoisonError::into_inner).take() {
+    let mut failed = FAILED.lock().unwrap_or_else(PoisonError::into_inner);
+    match failed.take().or_else(|| std::io::stdout().lock().flush().err()) {
         Some(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Failure::new(Exit::InputOutput, format!("cannot write to standard output: {error}")))
         }
         _ => Ok(()),
-    }
-}
-
-/// Writes out what standard output still holds.
-fn line_buffer_out() {
-    if let Err(error) = std::io::stdout().lock().flush() {
-        FAILED.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
     }
 }
 

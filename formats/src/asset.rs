@@ -372,7 +372,7 @@ fn quantizers(
 
 /// Panics unless `span` has its shapes and lies inside the map.
 fn assert_shape(header: &AssetHeader, span: &CoefficientSpan<'_>) {
-    let channels = if header.model.layout == Layout::Rgb { 3 } else { 1 };
+    let channels = header.model.layout.planes_per_function();
     let base = if header.model.layout == Layout::Lrgb { 3 * span.pixels } else { 0 };
     assert!(span.first + span.pixels <= header.width * header.height, "the span leaves the map");
     assert_eq!(span.functions.len(), header.model.basis.count() * span.pixels * channels, "functions");

@@ -26,6 +26,17 @@ pub enum Layout {
     Lrgb,
 }
 
+impl Layout {
+    /// Planes of coefficients that a function of light has: one for each channel of a pixel in RGB,
+    /// one in all otherwise.
+    pub fn planes_per_function(self) -> usize {
+        match self {
+            Self::Rgb => 3,
+            Self::Grey | Self::Lrgb => 1,
+        }
+    }
+}
+
 /// What one plane contributes: channel `c` of the pixel gains plane x b_f(light) where
 /// `functions[c] = Some(f)`.
 ///
@@ -101,10 +112,7 @@ impl Model {
 
     /// Number of planes: k (grey), 3k (rgb) or k + 3 (lrgb).
     pub fn plane_count(&self) -> usize {
-        match self.layout {
-            Layout::Grey => self.basis.count(),
-            Layout::Rgb => 3 * self.basis.count(),
-            Layout::Lrgb => self.basis.count() + 3,
-        }
+        let base_colors = if self.layout == Layout::Lrgb { 3 } else { 0 };
+        self.basis.count() * self.layout.planes_per_function() + base_colors
     }
 }

@@ -161,7 +161,7 @@ pub fn coefficient_ranges<E: From<FitError> + Send>(
     level: CpuLevel,
     check: impl Fn() -> Result<(), E> + Sync,
 ) -> Result<Vec<CoefficientRange>, E> {
-    let channels = if layout == Layout::Rgb { 3 } else { 1 };
+    let channels = layout.planes_per_function();
     let colors = if layout == Layout::Lrgb { 3 } else { 0 };
     let planes = fit.basis.count() * channels + colors;
     let total = std::sync::Mutex::new(vec![CoefficientRange::EMPTY; planes]);
@@ -221,7 +221,7 @@ pub fn fit_map(
     level: CpuLevel,
 ) -> Result<CoefficientMap, FitError> {
     let pixels = stack.pixels();
-    let channels = if model.layout == Layout::Rgb { 3 } else { 1 };
+    let channels = model.layout.planes_per_function();
     let planes = std::sync::Mutex::new(vec![vec![0.0; pixels]; model.plane_count()]);
     for_each_span(stack, fit, model.layout, level, |span| {
         let mut planes = planes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);

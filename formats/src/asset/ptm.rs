@@ -115,7 +115,7 @@ impl PtmWriter {
         let (x, y) = ((span.first + start) % width, (span.first + start) / width);
         let pixel = ((height - 1 - y) * width + x) as u64;
         let block = (width * height * FUNCTIONS) as u64;
-        let channels = if model.layout == Layout::Rgb { 3 } else { 1 };
+        let channels = model.layout.planes_per_function();
         bytes.resize(count * FUNCTIONS, 0);
         for channel in 0..channels {
             for (j, quantizer) in self.quantizers.iter().enumerate() {

@@ -188,7 +188,7 @@ fn read_planes(ptm: &mut PtmFile) -> io::Result<Vec<RelightingMap>> {
             read_block(3, &|channel| FUNCTIONS + channel)?;
         }
     }
-    let planes_per_function = if model.layout == Layout::Rgb { 3 } else { 1 };
+    let planes_per_function = model.layout.planes_per_function();
     let map = |(plane, codes)| {
         let quantizer = match ptm.scale_bias.get(plane / planes_per_function) {
             Some(&(scale, bias)) => quantizer_of(scale, bias),
