@@ -1,5 +1,13 @@
-//! Quantisation of coefficient planes: 8-bit with scale and bias, half, float.
+//! Quantisation of coefficient planes and their packing into textures: scale and bias, halves,
+//! blocks, mips.
 
+mod block;
+mod packing;
 mod quantize;
 
+pub use block::BlockFormat;
+pub use packing::{
+    ArrayPlan, LayerPlan, PackedMaps, Packing, TexelDomain, TexelFormat, Wrap, full_levels, level_size,
+    planes_of_layers,
+};
 pub use quantize::{Precision, Quantizer};

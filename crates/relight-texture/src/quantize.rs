@@ -4,7 +4,7 @@ use half::f16;
 use relight_core::CoefficientRange;
 
 /// How a coefficient is stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Precision {
     /// 8 bits, q = code / 255, with scale and bias over the plane's range.
     U8,

@@ -1,0 +1,1 @@
+//! Draws packed maps on the GPU and hands the pixels back.

@@ -1,0 +1,1 @@
+//! Shader source that lights a packed asset.
