@@ -6,7 +6,8 @@
 use crate::mips::{halve, halve_rows};
 use crate::texels::{Place, Row, TexelBuffer};
 use crate::{
-    BlockCoding, BlockFormat, LayerPlan, Packing, Precision, TexelFormat, decode_blocks, encode_blocks, level_size,
+    ArrayPlan, BlockCoding, BlockFormat, LayerPlan, Packing, Precision, Quantizer, TexelFormat,
+    decode_blocks, encode_blocks, level_size,
 };
 use half::f16;
 use rayon::prelude::*;
@@ -42,6 +43,9 @@ pub struct TexelPlace {
     pub offset: u64,
 }
 
+/// Takes the bytes of a place, from any thread.
+pub type Put<'a, E> = &'a (dyn Fn(TexelPlace, &[u8]) -> Result<(), E> + Sync);
+
 /// What storing cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackReport {
@@ -69,11 +73,12 @@ pub struct Packer {
 /// Pixels of a run such that [`Packer::write`] takes it: whole rows of blocks where the packing has
 /// blocks or mips, about 8,192 otherwise.
 pub fn span_pixels(width: usize, packing: &Packing) -> usize {
-    if !packing.needs_rows() {
-        return SPAN;
-    }
-    let rows = (SPAN / (4 * width)).max(1) * 4;
-    rows * width
+    if packing.needs_rows() { span_rows(width) * width } else { SPAN }
+}
+
+/// Rows of blocks that make about 8,192 pixels, in rows of pixels.
+fn span_rows(width: usize) -> usize {
+    (SPAN / (4 * width)).max(1) * 4
 }
 
 /// Bytes that a packer holds beside its spans: the planes of mip levels 1 and 2.
@@ -125,17 +130,13 @@ impl Packer {
     /// # Panics
     /// When the span leaves the map, does not have its shapes or is not whole rows where it has to
     /// be.
-    pub fn write<E>(
-        &self,
-        span: &CoefficientSpan<'_>,
-        put: &dyn Fn(TexelPlace, &[u8]) -> Result<(), E>,
-    ) -> Result<(), E> {
+    pub fn write<E>(&self, span: &CoefficientSpan<'_>, put: Put<'_, E>) -> Result<(), E> {
         let planes = self.planes_of(span);
         let mut errors = vec![0.0; planes.len()];
-        let level = Level { index: 0, width: self.width, first: span.first, pixels: span.pixels };
-        self.for_each_layer(|place, format, layer| {
-            self.put_layer(place, format, layer, &planes, level, Some(&mut errors), put)
-        })?;
+        let run = Run { planes: &planes, width: self.width, first: span.first, pixels: span.pixels };
+        for layer in self.layers(0) {
+            self.put_layer(&layer, &run, Some(&mut errors), put)?;
+        }
         if let Some(halved) = &self.halved {
             self.add_to_level_1(halved, &planes, span);
         }
@@ -153,24 +154,21 @@ impl Packer {
     ///
     /// # Panics
     /// When pixels are missing.
-    pub fn finish<E: Send>(
-        mut self,
-        put: &(dyn Fn(TexelPlace, &[u8]) -> Result<(), E> + Sync),
-    ) -> Result<PackReport, E> {
+    pub fn finish<E: Send>(mut self, put: Put<'_, E>) -> Result<PackReport, E> {
         let pixels = self.width * self.height;
         assert_eq!(self.written(), pixels, "every pixel");
-        let mut planes = self.halved.take().map(Mutex::into_inner).map(|p| p.unwrap_or_else(PoisonError::into_inner));
+        let mut planes =
+            self.halved.take().map(|planes| planes.into_inner().unwrap_or_else(PoisonError::into_inner));
         for level in 1..self.packing.levels {
             let (width, height) = (level_size(self.width, level), level_size(self.height, level));
             let Some(halved) = &mut planes else { break };
-            let level = Level { index: level, width, first: 0, pixels: width * height };
             let rows: Vec<_> =
                 halved.iter().map(|plane| Row { samples: plane, stride: 1, channel: 0 }).collect();
-            self.layers().into_par_iter().try_for_each(|(place, format, layer)| {
-                let place = TexelPlace { level: level.index, ..place };
-                self.put_layer(place, format, layer, &rows, level, None, put)
-            })?;
-            if level.index + 1 < self.packing.levels {
+            let run = Run { planes: &rows, width, first: 0, pixels: width * height };
+            self.layers(level)
+                .into_par_iter()
+                .try_for_each(|layer| self.put_layer(&layer, &run, None, put))?;
+            if level + 1 < self.packing.levels {
                 halved.par_iter_mut().for_each(|plane| *plane = halve(plane, width, height));
             }
         }
@@ -183,22 +181,18 @@ impl Packer {
         Ok(PackReport { rmse })
     }
 
-    fn layers(&self) -> Vec<(TexelPlace, TexelFormat, &LayerPlan)> {
+    /// The layers of all arrays at mip level `level`.
+    fn layers(&self, level: usize) -> Vec<Layer<'_>> {
         let arrays = self.packing.arrays.iter().enumerate();
         arrays
-            .flat_map(|(array, plan)| {
-                plan.layers.iter().enumerate().map(move |(layer, layer_plan)| {
-                    (TexelPlace { array, level: 0, layer, offset: 0 }, plan.format, layer_plan)
+            .flat_map(|(array, ArrayPlan { format, layers })| {
+                layers.iter().enumerate().map(move |(layer, plan)| Layer {
+                    place: TexelPlace { array, level, layer, offset: 0 },
+                    format: *format,
+                    plan,
                 })
             })
             .collect()
-    }
-
-    fn for_each_layer<E>(
-        &self,
-        mut work: impl FnMut(TexelPlace, TexelFormat, &LayerPlan) -> Result<(), E>,
-    ) -> Result<(), E> {
-        self.layers().into_iter().try_for_each(|(place, format, layer)| work(place, format, layer))
     }
 
     /// The planes of a run, in the order of [`Model::roles`].
@@ -214,93 +208,86 @@ impl Packer {
             assert!(last || span.pixels.is_multiple_of(row), "a span is whole rows of blocks");
         }
         let functions = span.functions.chunks_exact((span.pixels * stride).max(1));
-        let of = |samples: &'a [f32], stride| (0..stride).map(move |channel| Row { samples, stride, channel });
+        let of =
+            |samples: &'a [f32], stride| (0..stride).map(move |channel| Row { samples, stride, channel });
         functions.flat_map(|samples| of(samples, stride)).chain(of(span.base_color, base)).collect()
     }
 
-    #[expect(clippy::too_many_arguments, reason = "one layer of one run: what, how, from where, to where")]
     fn put_layer<E>(
         &self,
-        place: TexelPlace,
-        format: TexelFormat,
-        layer: &LayerPlan,
-        planes: &[Row<'_>],
-        level: Level,
+        layer: &Layer<'_>,
+        run: &Run<'_>,
         errors: Option<&mut [f64]>,
-        put: &dyn Fn(TexelPlace, &[u8]) -> Result<(), E>,
+        put: Put<'_, E>,
     ) -> Result<(), E> {
-        let rows: Vec<Row<'_>> = layer.planes.iter().map(|&plane| planes[plane]).collect();
-        match format {
+        match layer.format {
             TexelFormat::Plain { precision, channels } => {
-                self.put_plain(place, (precision, channels), layer, &rows, level, errors, put)
+                self.put_plain(layer, (precision, channels), run, errors, put)
             }
-            TexelFormat::Block(format) => self.put_blocks(place, format, layer, &rows, level, errors, put),
+            TexelFormat::Block(format) => self.put_blocks(layer, format, run, errors, put),
         }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "as `put_layer`")]
     fn put_plain<E>(
         &self,
-        place: TexelPlace,
+        layer: &Layer<'_>,
         (precision, channels): (Precision, usize),
-        layer: &LayerPlan,
-        rows: &[Row<'_>],
-        level: Level,
+        run: &Run<'_>,
         mut errors: Option<&mut [f64]>,
-        put: &dyn Fn(TexelPlace, &[u8]) -> Result<(), E>,
+        put: Put<'_, E>,
     ) -> Result<(), E> {
+        let LayerPlan { planes, quantizers } = layer.plan;
+        let texel_bytes = channels * precision.bytes();
         let mut buffer = TexelBuffer::default();
-        for start in (0..level.pixels).step_by(PIECE) {
-            let end = (start + PIECE).min(level.pixels);
-            let rows: Vec<_> = rows.iter().map(|row| row.slice(start, end)).collect();
-            let first = level.first + start;
-            let dither =
-                self.coding.dither.then_some(Place { first, width: level.width, planes: &layer.planes });
-            let bytes = buffer.texels((precision, channels), &rows, &layer.quantizers, dither);
+        for start in (0..run.pixels).step_by(PIECE) {
+            let rows = run.rows(planes, start, (start + PIECE).min(run.pixels));
+            let first = run.first + start;
+            let dither = self.coding.dither.then_some(Place { first, width: run.width, planes });
+            let bytes = buffer.texels((precision, channels), &rows, quantizers, dither);
             if let Some(errors) = errors.as_deref_mut() {
                 for (channel, row) in rows.iter().enumerate() {
-                    let quantizer = layer.quantizers[channel];
-                    let texel_bytes = channels * precision.bytes();
                     let texels = bytes[channel * precision.bytes()..].chunks(texel_bytes);
-                    errors[layer.planes[channel]] += match precision {
-                        Precision::U8 => squared_error(*row, texels.map(|t| f32::from(t[0]) / 255.0), quantizer),
+                    errors[planes[channel]] += match precision {
+                        Precision::U8 => {
+                            let values = texels.map(|texel| f32::from(texel[0]) / 255.0);
+                            squared_error(*row, values, quantizers[channel])
+                        }
                         Precision::F16 => {
-                            squared_error(*row, texels.map(|t| f16::from_le_bytes([t[0], t[1]]).to_f32()), quantizer)
+                            let values =
+                                texels.map(|texel| f16::from_le_bytes([texel[0], texel[1]]).to_f32());
+                            squared_error(*row, values, quantizers[channel])
                         }
                         Precision::F32 => 0.0,
                     };
                 }
             }
-            let offset = (first * channels * precision.bytes()) as u64;
-            put(TexelPlace { offset, ..place }, bytes)?;
+            put(TexelPlace { offset: (first * texel_bytes) as u64, ..layer.place }, bytes)?;
         }
         Ok(())
     }
 
-    #[expect(clippy::too_many_arguments, reason = "as `put_layer`")]
     fn put_blocks<E>(
         &self,
-        place: TexelPlace,
+        layer: &Layer<'_>,
         format: BlockFormat,
-        layer: &LayerPlan,
-        rows: &[Row<'_>],
-        level: Level,
+        run: &Run<'_>,
         mut errors: Option<&mut [f64]>,
-        put: &dyn Fn(TexelPlace, &[u8]) -> Result<(), E>,
+        put: Put<'_, E>,
     ) -> Result<(), E> {
-        let (channels, width) = (format.channels(), level.width);
-        let block_rows = SPAN.div_ceil(4 * width) * 4 * width;
-        let row_bytes = TexelFormat::Block(format).row_bytes(width);
+        let LayerPlan { planes, quantizers } = layer.plan;
+        let (channels, width) = (format.channels(), run.width);
+        let row_bytes = layer.format.row_bytes(width);
+        let piece = span_rows(width) * width;
         let (mut texels, mut decoded, mut blocks) = (Vec::new(), Vec::new(), Vec::new());
-        for start in (0..level.pixels).step_by(block_rows) {
-            let end = (start + block_rows).min(level.pixels);
-            let rows: Vec<_> = rows.iter().map(|row| row.slice(start, end)).collect();
+        for start in (0..run.pixels).step_by(piece) {
+            let end = (start + piece).min(run.pixels);
+            let rows = run.rows(planes, start, end);
             texels.clear();
             texels.resize((end - start) * channels, 0.0);
             if channels == 4 {
                 texels.chunks_exact_mut(4).for_each(|texel| texel[3] = 1.0);
             }
-            for (channel, (row, quantizer)) in rows.iter().zip(&layer.quantizers).enumerate() {
+            for (channel, (row, quantizer)) in rows.iter().zip(quantizers).enumerate() {
                 let per_unit = if quantizer.scale == 0.0 { 0.0 } else { 1.0 / quantizer.scale };
                 for (texel, c) in texels.chunks_exact_mut(channels).zip(row.iter()) {
                     texel[channel] = (c - quantizer.bias) * per_unit;
@@ -314,11 +301,11 @@ impl Packer {
                 decode_blocks(format, &blocks, width, &mut decoded);
                 for (channel, row) in rows.iter().enumerate() {
                     let values = decoded[channel..].iter().step_by(channels).copied();
-                    errors[layer.planes[channel]] += squared_error(*row, values, layer.quantizers[channel]);
+                    errors[planes[channel]] += squared_error(*row, values, quantizers[channel]);
                 }
             }
-            let offset = ((level.first + start) / width / 4) as u64 * row_bytes;
-            put(TexelPlace { offset, ..place }, &blocks)?;
+            let offset = ((run.first + start) / width / 4) as u64 * row_bytes;
+            put(TexelPlace { offset, ..layer.place }, &blocks)?;
         }
         Ok(())
     }
@@ -340,17 +327,30 @@ impl Packer {
     }
 }
 
+/// A layer at a mip level.
+struct Layer<'a> {
+    place: TexelPlace,
+    format: TexelFormat,
+    plan: &'a LayerPlan,
+}
+
 /// A run of pixels of a mip level.
-#[derive(Clone, Copy)]
-struct Level {
-    index: usize,
+struct Run<'a> {
+    planes: &'a [Row<'a>],
     width: usize,
     first: usize,
     pixels: usize,
 }
 
+impl<'a> Run<'a> {
+    /// Pixels `start` to `end` of the run in the planes of a layer.
+    fn rows(&self, planes: &[usize], start: usize, end: usize) -> Vec<Row<'a>> {
+        planes.iter().map(|&plane| self.planes[plane].slice(start, end)).collect()
+    }
+}
+
 /// Sum of squared differences between coefficients and what their texels give back.
-fn squared_error(row: Row<'_>, texels: impl Iterator<Item = f32>, quantizer: crate::Quantizer) -> f64 {
+fn squared_error(row: Row<'_>, texels: impl Iterator<Item = f32>, quantizer: Quantizer) -> f64 {
     let (scale, bias) = (quantizer.scale, quantizer.bias);
     row.iter().zip(texels).map(|(c, q)| f64::from(scale * q + bias - c)).map(|d| d * d).sum()
 }

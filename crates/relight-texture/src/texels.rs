@@ -83,8 +83,7 @@ impl TexelBuffer {
                     Some(Place { first, width, planes }) => {
                         for (i, (texel, c)) in texels.enumerate() {
                             let (x, y) = ((first + i) % width, (first + i) / width);
-                            texel[channel] =
-                                code(c, bias, codes_per_unit, ordered(x, y, planes[channel]));
+                            texel[channel] = code(c, bias, codes_per_unit, ordered(x, y, planes[channel]));
                         }
                     }
                 }
