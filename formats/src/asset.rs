@@ -266,7 +266,9 @@ impl AssetFormat {
         }
         let most = full_levels(width, height);
         if !(1..=most).contains(&levels) {
-            return invalid(format!("{levels} mip levels are outside 1..{most} of {width} x {height} pixels"));
+            return invalid(format!(
+                "{levels} mip levels are outside 1..{most} of {width} x {height} pixels"
+            ));
         }
         let odd = formats.iter().find(|&&format| !self.holds(format));
         let refusal = if !self.layouts.contains(&model.layout) {
@@ -329,7 +331,11 @@ impl AssetFormat {
     ) -> Result<Box<dyn AssetWriter>, FormatError> {
         let formats: Vec<_> = header.packing.formats().collect();
         let AssetHeader { width, height, ref model, ref packing } = header;
-        self.check(path, &AssetPlan { width, height, model, formats: &formats, levels: packing.levels }, settings)?;
+        self.check(
+            path,
+            &AssetPlan { width, height, model, formats: &formats, levels: packing.levels },
+            settings,
+        )?;
         (self.create)(path, header, settings)
     }
 }

@@ -126,7 +126,7 @@ impl OutputFile {
 ///
 /// # Errors
 /// As of [`OutputFile::finish`].
-pub(crate) fn finish_all(files: Vec<OutputFile>) -> Result<(), FormatError> {
+pub(crate) fn finish_all(files: impl IntoIterator<Item = OutputFile>) -> Result<(), FormatError> {
     let mut added = Vec::new();
     for file in files {
         let target = file.target.clone();

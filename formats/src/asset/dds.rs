@@ -118,7 +118,9 @@ pub(super) fn open(path: &Path) -> Result<Texture, FormatError> {
     }
     let (levels, most) = (header.mip_map_count.unwrap_or(1).max(1) as usize, full_levels(width, height));
     if levels > most {
-        return Err(invalid(format!("has {levels} mip levels; {width} x {height} texels have {most} at most")));
+        return Err(invalid(format!(
+            "has {levels} mip levels; {width} x {height} texels have {most} at most"
+        )));
     }
     let shape = Shape { width, height, format, levels, layers, array: layers > 1 };
     let expected = shape.bytes().saturating_add(HEAD as u64);

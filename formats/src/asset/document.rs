@@ -232,7 +232,8 @@ pub(super) fn parse(path: &Path, text: &[u8]) -> Result<Document, FormatError> {
     let invalid = |e: serde_json::Error| damaged(e.to_string());
     let Versioned { version, part_of } = serde_json::from_slice(text).map_err(invalid)?;
     if !(1..=VERSION).contains(&version) {
-        let problem = format!("has metadata of version {version}; this relight reads versions 1 to {VERSION}");
+        let problem =
+            format!("has metadata of version {version}; this relight reads versions 1 to {VERSION}");
         return Err(FormatError::unsupported(path, problem));
     }
     let id_of = |id: &str| u64::from_str_radix(id, 16).map_err(|_| damaged(format!("id '{id}'")));
@@ -351,7 +352,7 @@ fn hexadecimal(id: u64) -> String {
 
 /// Fowler, Noll, Vo: a hash that tells documents apart, nothing more.
 fn fnv_1a(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
+    bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }

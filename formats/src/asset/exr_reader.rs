@@ -1,7 +1,7 @@
 //! `.exr`: the reader of assets that [`super::exr`] wrote.
 
-use super::exr::format_error;
 use super::document::Document;
+use super::exr::format_error;
 use super::{AssetHeader, Details, document, open, planar, plane_bytes, plane_names};
 use crate::FormatError;
 use exr::block::lines::LineRef;

@@ -2,10 +2,10 @@
 //!
 //! Nothing is allocated on a header's word: every count is held against the file's size first.
 
-use super::ktx2::{known_formats, texel_format};
-use super::texture::{LevelPlace, Shape, Storage, Texture, read_exact};
 use super::document::{self, Document};
+use super::ktx2::{known_formats, texel_format};
 use super::open_measured;
+use super::texture::{LevelPlace, Shape, Storage, Texture, read_exact};
 use crate::FormatError;
 use ktx2::{Header, KeyValueDataIterator, LevelIndex, SupercompressionScheme};
 use relight_texture::full_levels;
@@ -82,7 +82,8 @@ fn read_index(
         let expected = shape.level_bytes(level);
         if uncompressed_byte_length != expected || (!compressed && byte_length != expected) {
             let found = if compressed { uncompressed_byte_length } else { byte_length };
-            let problem = format!("has {found} bytes of texels in level {level} where its size asks for {expected}");
+            let problem =
+                format!("has {found} bytes of texels in level {level} where its size asks for {expected}");
             return Err(FormatError::invalid(path, problem));
         }
         if byte_offset.checked_add(byte_length).is_none_or(|end| end > file_bytes) {

@@ -111,7 +111,8 @@ impl Texture {
                     take(layer, &mut (&mut decoder).take(layer_bytes))?;
                 }
                 if decoder.read(&mut [0]).map_err(failed)? != 0 {
-                    let problem = format!("level {level} holds more than its {} bytes", shape.level_bytes(level));
+                    let problem =
+                        format!("level {level} holds more than its {} bytes", shape.level_bytes(level));
                     return Err(FormatError::invalid(path, problem));
                 }
             }

@@ -113,6 +113,11 @@ struct Output {
 struct TextureWriter {
     header: AssetHeader,
     packer: Packer,
+    files: OutputFiles,
+}
+
+/// All files of an asset on their way.
+struct OutputFiles {
     outputs: Vec<Output>,
     /// Index of the file of each array's first layer.
     first_files: Vec<usize>,
@@ -123,7 +128,12 @@ struct TextureWriter {
 }
 
 /// Starts an asset of textures; see [`super::AssetFormat::create`].
-pub(super) fn create(container: Container, path: &Path, header: AssetHeader, settings: &WriteSettings) -> Created {
+pub(super) fn create(
+    container: Container,
+    path: &Path,
+    header: AssetHeader,
+    settings: &WriteSettings,
+) -> Created {
     let AssetHeader { width, height, model, packing } = &header;
     let WriteSettings { coding, zstd, split, .. } = *settings;
     check_finite(path, &header)?;
@@ -183,13 +193,15 @@ pub(super) fn create(container: Container, path: &Path, header: AssetHeader, set
         None => None,
     };
     let packer = Packer::new(*width, *height, model, packing.clone(), coding);
-    Ok(Box::new(TextureWriter { header, packer, outputs, first_files, split, manifest, spool }))
+    let files = OutputFiles { outputs, first_files, split, manifest, spool };
+    Ok(Box::new(TextureWriter { header, packer, files }))
 }
 
 /// The names of files as manifests hold them.
 fn file_names(paths: &[PathBuf]) -> Result<Vec<String>, FormatError> {
     let name = |path: &PathBuf| {
-        let name = path.file_name().and_then(|name| name.to_str()).filter(|name| document::is_file_name(name));
+        let name =
+            path.file_name().and_then(|name| name.to_str()).filter(|name| document::is_file_name(name));
         name.map(str::to_owned).ok_or_else(|| {
             FormatError::invalid(path, "is no name that other systems have too; use letters, digits, - and _")
         })
@@ -203,7 +215,8 @@ fn manifest(path: &Path, text: &Text) -> Result<OutputFile, FormatError> {
     Ok(file)
 }
 
-impl TextureWriter {
+impl OutputFiles {
+    /// Writes `bytes` to their place.
     fn put(&self, place: TexelPlace, bytes: &[u8]) -> Result<(), FormatError> {
         let TexelPlace { array, level, layer, offset } = place;
         let (file, layer) = if self.split { (layer, 0) } else { (0, layer) };
@@ -216,28 +229,32 @@ impl TextureWriter {
             }
         }
     }
+
+    /// Puts them in their places: the one by which the asset is named comes last, since until then
+    /// it is the old asset.
+    fn finish(self) -> Result<(), FormatError> {
+        if let Some((spool, level)) = &self.spool {
+            for Output { file, shape, text, places } in &self.outputs {
+                zstandard::compress(file, shape, text, (spool, places), *level)?;
+            }
+        }
+        let mut files: Vec<OutputFile> = self.outputs.into_iter().map(|output| output.file).collect();
+        files.rotate_left(1);
+        let first = files.pop();
+        finish_all(files.into_iter().chain(self.manifest).chain(first))
+    }
 }
 
 impl AssetWriter for TextureWriter {
     fn write(&self, span: &CoefficientSpan<'_>) -> Result<(), FormatError> {
-        self.packer.write(span, &|place, bytes| self.put(place, bytes))
+        self.packer.write(span, &|place, bytes| self.files.put(place, bytes))
     }
 
-    fn finish(mut self: Box<Self>) -> Result<PackReport, FormatError> {
-        check_complete(self.outputs[0].file.path(), &self.header, self.packer.written())?;
-        let report = self.packer.finish(&|place, bytes| self.put(place, bytes))?;
-        let Self { outputs, manifest, spool, .. } = *self;
-        if let Some((spool, level)) = spool {
-            for Output { file, shape, text, places } in &outputs {
-                zstandard::compress(file, shape, text, (&spool, places), level)?;
-            }
-        }
-        // The file by which the asset is named comes last: until then it is the old one.
-        let mut files: Vec<OutputFile> = outputs.into_iter().map(|output| output.file).collect();
-        let first = files.remove(0);
-        files.extend(manifest);
-        files.push(first);
-        finish_all(files)?;
+    fn finish(self: Box<Self>) -> Result<PackReport, FormatError> {
+        let Self { header, packer, files } = *self;
+        check_complete(files.outputs[0].file.path(), &header, packer.written())?;
+        let report = packer.finish(&|place, bytes| files.put(place, bytes))?;
+        files.finish()?;
         Ok(report)
     }
 }

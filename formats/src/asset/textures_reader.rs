@@ -30,7 +30,9 @@ pub(super) fn read_manifest(path: &Path) -> Result<(Box<Model>, Textures), Forma
     let mut text = Vec::new();
     file.take(document::LONGEST * 2).read_to_end(&mut text).map_err(|e| FormatError::io(path, "read", e))?;
     match document::parse(path, &text)? {
-        Document::Asset(model, Some(textures)) if !textures.arrays[0].files.is_empty() => Ok((model, textures)),
+        Document::Asset(model, Some(textures)) if !textures.arrays[0].files.is_empty() => {
+            Ok((model, textures))
+        }
         _ => Err(FormatError::invalid(path, "is no manifest of an asset: it lists no files")),
     }
 }
@@ -50,7 +52,8 @@ fn open(container: Container, path: &Path) -> Result<Asset, FormatError> {
             let manifest = path.with_extension(MANIFEST);
             if !manifest.exists() {
                 let name = manifest.file_name().unwrap_or_default().display();
-                let problem = format!("its manifest {name}, which says what its layers are, is missing beside it");
+                let problem =
+                    format!("its manifest {name}, which says what its layers are, is missing beside it");
                 return Err(FormatError::invalid(path, problem));
             }
             let (model, textures) = read_manifest(&manifest)?;
@@ -58,7 +61,8 @@ fn open(container: Container, path: &Path) -> Result<Asset, FormatError> {
             assemble(container, path, *model, textures, Some(first), Some(manifest))
         }
         (Some(Document::Part(Part { of, file, .. })), _) => {
-            let whole = of.map_or_else(|| "that asset's first file or manifest".to_owned(), |of| format!("'{of}'"));
+            let whole =
+                of.map_or_else(|| "that asset's first file or manifest".to_owned(), |of| format!("'{of}'"));
             let problem = format!("is further file {file} of an asset; name {whole} instead");
             Err(FormatError::unsupported(path, problem))
         }
@@ -69,9 +73,10 @@ fn open(container: Container, path: &Path) -> Result<Asset, FormatError> {
             let problem = format!("has no key '{}': it is a texture, but no asset of relight", document::KEY);
             Err(FormatError::unsupported(path, problem))
         }
-        (None, Container::Dds) => {
-            Err(FormatError::unsupported(path, "is a texture, but no asset of relight: it has no mark of ours"))
-        }
+        (None, Container::Dds) => Err(FormatError::unsupported(
+            path,
+            "is a texture, but no asset of relight: it has no mark of ours",
+        )),
     }
 }
 
@@ -115,7 +120,10 @@ fn assemble(
         let shapes = of_array.iter().map(|texture| texture.shape);
         let count: usize = shapes.clone().map(|shape| shape.layers).fold(0, usize::saturating_add);
         let (Some(shape), true) = (shapes.clone().next(), count == layers.len()) else {
-            return invalid(format!("has {count} layers in array {index} where its metadata list {}", layers.len()));
+            return invalid(format!(
+                "has {count} layers in array {index} where its metadata list {}",
+                layers.len()
+            ));
         };
         let one = &textures.first().unwrap_or(&of_array)[0].shape;
         let sizes = (one.width, one.height, document.levels.unwrap_or(one.levels));
@@ -152,7 +160,12 @@ fn assemble(
 }
 
 /// Opens file `name` of the asset at `path`.
-fn open_named(container: Container, path: &Path, name: &str, id: Option<u64>) -> Result<Texture, FormatError> {
+fn open_named(
+    container: Container,
+    path: &Path,
+    name: &str,
+    id: Option<u64>,
+) -> Result<Texture, FormatError> {
     let file = path.with_file_name(name);
     if !file.exists() {
         let problem = format!("its file {name} is missing beside it; an asset's files stay together");
