@@ -70,10 +70,10 @@ pub struct Packer {
     halved: Option<Mutex<Vec<Vec<f32>>>>,
 }
 
-/// Pixels of a run such that [`Packer::write`] takes it: whole rows of blocks where the packing has
-/// blocks or mips, about 8,192 otherwise.
-pub fn span_pixels(width: usize, packing: &Packing) -> usize {
-    if packing.needs_rows() { span_rows(width) * width } else { SPAN }
+/// Pixels of a run such that [`Packer::write`] takes it: whole rows of blocks where the packing
+/// [needs rows](crate::needs_rows), 8,192 otherwise.
+pub fn span_pixels(width: usize, needs_rows: bool) -> usize {
+    if needs_rows { span_rows(width) * width } else { SPAN }
 }
 
 /// Rows of blocks that make about 8,192 pixels, in rows of pixels.
