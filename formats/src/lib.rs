@@ -13,7 +13,9 @@ mod positioned;
 mod samples;
 mod stack;
 
-pub use asset::{AssetFormat, AssetHeader, AssetWriter, describe_asset, read_asset};
+pub use asset::{
+    AssetFormat, AssetHeader, AssetPlan, AssetWriter, WriteSettings, describe_asset, read_asset, read_packed,
+};
 pub use capture_folder::{OpenCapture, open_capture};
 pub use describe::describe;
 pub use error::FormatError;
