@@ -90,7 +90,17 @@ pub(super) fn is_manifest(path: &Path) -> Result<bool, FormatError> {
 /// The first file that a manifest lists.
 pub(super) fn first_file(manifest: &Path) -> Result<PathBuf, FormatError> {
     let (_, textures) = read_manifest(manifest)?;
-    Ok(manifest.with_file_name(&textures.arrays[0].files[0]))
+    existing(manifest, &textures.arrays[0].files[0])
+}
+
+/// The place of file `name` beside `path`.
+fn existing(path: &Path, name: &str) -> Result<PathBuf, FormatError> {
+    let file = path.with_file_name(name);
+    if file.exists() {
+        return Ok(file);
+    }
+    let problem = format!("its file {name} is missing beside it; an asset's files stay together");
+    Err(FormatError::invalid(path, problem))
 }
 
 /// Opens the files of `textures` and holds them against it. `first` is the one at `path`, where
@@ -166,11 +176,7 @@ fn open_named(
     name: &str,
     id: Option<u64>,
 ) -> Result<Texture, FormatError> {
-    let file = path.with_file_name(name);
-    if !file.exists() {
-        let problem = format!("its file {name} is missing beside it; an asset's files stay together");
-        return Err(FormatError::invalid(path, problem));
-    }
+    let file = existing(path, name)?;
     let texture = container.open(&file)?;
     check_id(&file, texture.label.as_ref(), id)?;
     Ok(texture)

@@ -110,9 +110,10 @@ impl Lopsided {
 
     /// The packing of plain texels in the format that `path` names.
     pub(crate) fn plain(&self, path: &Path, precision: Precision) -> Packing {
-        let format = AssetFormat::by_path(path).map_or(TexelFormat::Plain { precision, channels: 4 }, |format| {
-            format.plain_format(self.model.layout, precision)
-        });
+        let format = AssetFormat::by_path(path)
+            .map_or(TexelFormat::Plain { precision, channels: 4 }, |format| {
+                format.plain_format(self.model.layout, precision)
+            });
         self.packing(format, 1)
     }
 
@@ -140,7 +141,7 @@ impl Lopsided {
     ) -> Result<(), FormatError> {
         let (mut random, mut runs, mut first) = (SplitMix(seed), Vec::new(), 0);
         let pixels = self.width * self.height;
-        let unit = if packing.needs_rows() { span_pixels(self.width, packing).min(4 * self.width) } else { 1 };
+        let unit = if packing.needs_rows() { span_pixels(self.width, true).min(4 * self.width) } else { 1 };
         while first < pixels {
             let length = 1 + random.next(pixels / unit / 3 + 2);
             let end = (first + length * unit).min(pixels);

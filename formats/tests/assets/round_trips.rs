@@ -59,7 +59,10 @@ fn check(asset: &Lopsided, maps: &RelightingMaps, precision: Precision, format: 
     assert_eq!((maps.width, maps.height, &maps.model), (asset.width, asset.height, &expected));
     assert_eq!(maps.planes.len(), asset.planes.len());
     for (p, (map, plane)) in maps.planes.iter().zip(&asset.planes).enumerate() {
-        let words = format!("{format} {:?} {precision:?} {}x{} plane {p}", expected.layout, asset.width, asset.height);
+        let words = format!(
+            "{format} {:?} {precision:?} {}x{} plane {p}",
+            expected.layout, asset.width, asset.height
+        );
         if ptm {
             let mut coefficients = vec![0.0; plane.len()];
             map.coefficients(0, &mut coefficients);
@@ -116,9 +119,9 @@ fn decoded(packed: &PackedMaps) -> Vec<(usize, (f32, f32), Texels)> {
                             Precision::F16 => {
                                 Texels::F16(texels.map(|t| half::f16::from_le_bytes([t[0], t[1]])).collect())
                             }
-                            Precision::F32 => {
-                                Texels::F32(texels.map(|t| f32::from_le_bytes(t.try_into().unwrap())).collect())
-                            }
+                            Precision::F32 => Texels::F32(
+                                texels.map(|t| f32::from_le_bytes(t.try_into().unwrap())).collect(),
+                            ),
                         }
                     }
                 };
@@ -131,7 +134,12 @@ fn decoded(packed: &PackedMaps) -> Vec<(usize, (f32, f32), Texels)> {
 }
 
 /// Writes, and reads packed and as maps; gives the files' bytes.
-fn trip(asset: &Lopsided, path: &Path, packing: &Packing, settings: &WriteSettings) -> Vec<(PathBuf, Vec<u8>)> {
+fn trip(
+    asset: &Lopsided,
+    path: &Path,
+    packing: &Packing,
+    settings: &WriteSettings,
+) -> Vec<(PathBuf, Vec<u8>)> {
     let words = format!(
         "{} {:?} {}x{} {:?} levels {} zstd {:?} split {}",
         path.display(),
@@ -171,9 +179,12 @@ fn trip(asset: &Lopsided, path: &Path, packing: &Packing, settings: &WriteSettin
 fn every_texel_format_comes_back_from_every_container_with_levels_split_and_compressed() {
     for extension in ["ktx2", "dds"] {
         for format in texel_formats() {
-            for (layout, size) in
-                [(Layout::Rgb, (23, 9)), (Layout::Lrgb, (3, 5)), (Layout::Grey, (1, 1)), (Layout::Grey, (4097, 1))]
-            {
+            for (layout, size) in [
+                (Layout::Rgb, (23, 9)),
+                (Layout::Lrgb, (3, 5)),
+                (Layout::Grey, (1, 1)),
+                (Layout::Grey, (4097, 1)),
+            ] {
                 let asset = lopsided("ptm", 6, layout, size);
                 let full = full_levels(size.0, size.1);
                 for (levels, split) in [(1, false), (full, false), (full, true)] {
@@ -187,7 +198,10 @@ fn every_texel_format_comes_back_from_every_container_with_levels_split_and_comp
                         let textures = if split { packing.layers() } else { 1 };
                         let manifest = usize::from(split || extension == "dds");
                         assert_eq!(once.len(), textures + manifest);
-                        assert!(trip(&asset, &path, &packing, &settings) == once, "bytes differ the second time");
+                        assert!(
+                            trip(&asset, &path, &packing, &settings) == once,
+                            "bytes differ the second time"
+                        );
                     }
                 }
             }
@@ -219,7 +233,8 @@ fn arrays_of_several_formats_come_back_from_files_of_their_own() {
 #[test]
 fn planes_one_by_one_are_packed_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
-    for (name, precision) in [("a.exr", Precision::F16), ("a.exr", Precision::F32), ("a.ptm", Precision::U8)] {
+    for (name, precision) in [("a.exr", Precision::F16), ("a.exr", Precision::F32), ("a.ptm", Precision::U8)]
+    {
         let path = folder.path().join(name);
         let asset = lopsided("ptm", 6, Layout::Lrgb, (13, 5));
         asset.write_plain(&path, precision).unwrap();
