@@ -424,7 +424,7 @@ fn plane_bytes(width: usize, height: usize, model: &Model, format: TexelFormat) 
 
 /// What each plane is called in messages and in EXR files, in the order of [`Model::roles`]:
 /// `b03_uv.R`, `b03_uv.Y`, `base.R`.
-fn plane_names(model: &Model) -> Vec<String> {
+pub fn plane_names(model: &Model) -> Vec<String> {
     let layer = |j: usize| {
         let label = model.basis.label(j);
         let word: String = label
