@@ -14,6 +14,7 @@
 pub mod basis;
 mod cpu;
 mod direction;
+mod distribution;
 mod light_set;
 pub mod maps;
 pub mod metrics;
@@ -28,6 +29,7 @@ pub mod weighted_sums;
 pub use basis::{Basis, BasisError, Design, Family};
 pub use cpu::{CpuLevel, UnsupportedCpuLevel};
 pub use direction::{Direction, DirectionError};
+pub use distribution::{Bucket, CoefficientDistribution, CoefficientSample};
 pub use light_set::{Light, LightSet};
 pub use maps::{CoefficientMap, CoefficientRange, CoefficientSpan, RelightingMap, RelightingMaps, Texels};
 pub use model::{FitFigures, Layout, Model, PlaneRole, Space};

@@ -18,6 +18,6 @@ pub use error::FitError;
 pub use least_squares::{LeastSquares, Ridge};
 pub use leave_one_out::LeaveOneOut;
 pub use misfit::{Misfit, misfits};
-pub use rebin::{SPAN, coefficient_ranges, fit_map, for_each_span, span_bytes};
+pub use rebin::{SPAN, coefficient_distributions, coefficient_sample, fit_map, for_each_span, span_bytes};
 pub use sample::Sample;
 pub use usable::{LIGHTS_PER_FUNCTION, Usability, WORST_CONDITION, largest_usable, usability};

@@ -7,9 +7,11 @@
 use crate::{FitError, LeastSquares};
 use rayon::prelude::*;
 use relight_core::weighted_sums::{Rows, weighted_sums};
-use relight_core::{CoefficientMap, CoefficientRange, CoefficientSpan, CpuLevel, Layout, Model, Stack};
+use relight_core::{CoefficientDistribution, CoefficientMap, CoefficientSample, CoefficientSpan};
+use relight_core::{CpuLevel, Layout, Model, Stack};
+use std::sync::{Mutex, PoisonError};
 
-/// Pixels of a span.
+/// Pixels of a span for whoever doesn't need whole rows.
 pub const SPAN: usize = 8192;
 
 /// Bytes of f32 values that a tile of all lights may take: a part of every L2 cache since 2015.
@@ -21,45 +23,63 @@ fn tile_pixels(lights: usize, channels: usize) -> usize {
     (pixels / 16 * 16).clamp(16, SPAN)
 }
 
-/// Bytes that a thread needs for a span of `lights` pictures and `functions` functions: the pictures'
-/// rows as they are read back, the coefficients, and as much again for whoever consumes them.
-pub fn span_bytes(lights: usize, functions: usize) -> u64 {
-    let samples = 3 * SPAN as u64;
+/// Bytes that a thread needs for a span of `span_pixels` pixels of `lights` pictures and `functions`
+/// functions: the pictures' rows as they are read back, the coefficients, and as much again for
+/// whoever consumes them.
+pub fn span_bytes(lights: usize, functions: usize, span_pixels: usize) -> u64 {
+    let samples = 3 * span_pixels as u64;
     4 * samples * (lights as u64 + 2 * (functions as u64 + 1)) + TILE_BYTES as u64
 }
 
 /// Fits every pixel of `stack` and hands the coefficients to `consume`, span by span, in any
 /// order and from several threads at once.
 ///
+/// Every span but the last has `span_pixels` pixels, [`SPAN`] or for instance some whole rows; a
+/// pixel's coefficients have the same bits whatever that is.
+///
 /// # Errors
 /// The first error of reading the stack or of `consume`; [`FitError::GreyHasNoColor`] for
 /// [`Layout::Lrgb`] on grey pictures.
+///
+/// # Panics
+/// When `span_pixels` is 0.
 pub fn for_each_span<E: From<FitError> + Send>(
     stack: &dyn Stack,
     fit: &LeastSquares,
     layout: Layout,
     level: CpuLevel,
+    span_pixels: usize,
     consume: impl Fn(&CoefficientSpan<'_>) -> Result<(), E> + Sync,
 ) -> Result<(), E> {
-    if layout == Layout::Lrgb && stack.channels() == 1 {
-        return Err(FitError::GreyHasNoColor.into());
-    }
-    let solution = fit.solution_f32();
-    let spans = stack.pixels().div_ceil(SPAN);
+    let fitting = Fitting::new(stack, fit, layout, level)?;
+    let spans = stack.pixels().div_ceil(span_pixels);
     (0..spans).into_par_iter().try_for_each_init(Scratch::default, |scratch, span| {
-        let first = span * SPAN;
-        let pixels = SPAN.min(stack.pixels() - first);
-        match layout {
-            Layout::Lrgb => scratch.fit_luminance(stack, fit, &solution, level, first, pixels)?,
-            Layout::Grey | Layout::Rgb => scratch.fit_channels(stack, &solution, level, first, pixels)?,
-        }
-        consume(&CoefficientSpan {
-            first,
-            pixels,
-            functions: &scratch.coefficients,
-            base_color: &scratch.base_color,
-        })
+        let first = span * span_pixels;
+        consume(&scratch.fit(&fitting, first, span_pixels.min(stack.pixels() - first))?)
     })
+}
+
+/// What is fitted to which pictures, and how.
+struct Fitting<'a> {
+    stack: &'a dyn Stack,
+    fit: &'a LeastSquares,
+    solution: Vec<f32>,
+    layout: Layout,
+    level: CpuLevel,
+}
+
+impl<'a> Fitting<'a> {
+    fn new(
+        stack: &'a dyn Stack,
+        fit: &'a LeastSquares,
+        layout: Layout,
+        level: CpuLevel,
+    ) -> Result<Self, FitError> {
+        if layout == Layout::Lrgb && stack.channels() == 1 {
+            return Err(FitError::GreyHasNoColor);
+        }
+        Ok(Self { stack, fit, solution: fit.solution_f32(), layout, level })
+    }
 }
 
 /// Buffers of one thread.
@@ -72,14 +92,21 @@ struct Scratch {
 }
 
 impl Scratch {
-    fn fit_channels(
+    fn fit(
         &mut self,
-        stack: &dyn Stack,
-        solution: &[f32],
-        level: CpuLevel,
+        fitting: &Fitting<'_>,
         first: usize,
         pixels: usize,
-    ) -> Result<(), FitError> {
+    ) -> Result<CoefficientSpan<'_>, FitError> {
+        match fitting.layout {
+            Layout::Lrgb => self.fit_luminance(fitting, first, pixels)?,
+            Layout::Grey | Layout::Rgb => self.fit_channels(fitting, first, pixels)?,
+        }
+        Ok(CoefficientSpan { first, pixels, functions: &self.coefficients, base_color: &self.base_color })
+    }
+
+    fn fit_channels(&mut self, fitting: &Fitting<'_>, first: usize, pixels: usize) -> Result<(), FitError> {
+        let Fitting { stack, solution, level, .. } = fitting;
         let (lights, channels) = (stack.lights(), stack.channels());
         let samples = pixels * channels;
         let rows = stack.rows(first * channels..(first + pixels) * channels)?;
@@ -93,7 +120,7 @@ impl Scratch {
             }
             let input = Rows { samples: &self.tile[..], stride };
             let output = Rows { samples: &mut self.coefficients[start..], stride: samples };
-            weighted_sums(level, solution, lights, input, output, width);
+            weighted_sums(*level, solution, lights, input, output, width);
         }
         Ok(())
     }
@@ -101,15 +128,8 @@ impl Scratch {
     /// Luminance coefficients and base colour: pixel = base colour x luminance, the base colour
     /// the least-squares ratio of each channel to the luminance, scaled to a largest component
     /// of 1. Black pixels get a white base and no luminance, never 0/0.
-    fn fit_luminance(
-        &mut self,
-        stack: &dyn Stack,
-        fit: &LeastSquares,
-        solution: &[f32],
-        level: CpuLevel,
-        first: usize,
-        pixels: usize,
-    ) -> Result<(), FitError> {
+    fn fit_luminance(&mut self, fitting: &Fitting<'_>, first: usize, pixels: usize) -> Result<(), FitError> {
+        let Fitting { stack, fit, solution, level, .. } = fitting;
         let lights = stack.lights();
         let rows = stack.rows(first * 3..(first + pixels) * 3)?;
         let stride = tile_pixels(lights, 4);
@@ -134,7 +154,7 @@ impl Scratch {
             }
             let input = Rows { samples: &self.luminance[..], stride };
             let output = Rows { samples: &mut self.coefficients[start..], stride: pixels };
-            weighted_sums(level, solution, lights, input, output, width);
+            weighted_sums(*level, solution, lights, input, output, width);
             for (x, [r, g, b, square]) in products.into_iter().enumerate() {
                 let largest = r.max(g).max(b);
                 let lit = largest > 0.0 && square > 0.0 && largest.is_finite() && square.is_finite();
@@ -150,64 +170,106 @@ impl Scratch {
     }
 }
 
-/// Least and largest coefficient of every plane of `layout`, in the order of [`Model::roles`].
+/// The rows of `span`, each with the number of interleaved channels in it; their planes follow one
+/// another in the order of [`Model::roles`].
+fn rows_of<'a>(span: &CoefficientSpan<'a>, layout: Layout) -> impl Iterator<Item = (&'a [f32], usize)> {
+    let channels = layout.planes_per_function();
+    let base_color = (!span.base_color.is_empty()).then_some((span.base_color, 3));
+    span.functions.chunks_exact(span.pixels * channels).map(move |row| (row, channels)).chain(base_color)
+}
+
+/// The distribution of every plane's coefficients, in the order of [`Model::roles`]; the same with
+/// any number of threads.
+///
+/// `check` is called once a span. Takes 128 KiB a plane.
 ///
 /// # Errors
-/// As [`for_each_span`].
-pub fn coefficient_ranges<E: From<FitError> + Send>(
+/// As [`for_each_span`], and those of `check`.
+pub fn coefficient_distributions<E: From<FitError> + Send>(
     stack: &dyn Stack,
     fit: &LeastSquares,
     layout: Layout,
     level: CpuLevel,
     check: impl Fn() -> Result<(), E> + Sync,
-) -> Result<Vec<CoefficientRange>, E> {
-    let channels = layout.planes_per_function();
-    let colors = if layout == Layout::Lrgb { 3 } else { 0 };
-    let planes = fit.basis.count() * channels + colors;
-    let total = std::sync::Mutex::new(vec![CoefficientRange::EMPTY; planes]);
-    for_each_span(stack, fit, layout, level, |span| {
+) -> Result<Vec<CoefficientDistribution>, E> {
+    let planes_of_rows = std::iter::repeat_n(layout.planes_per_function(), fit.basis.count())
+        .chain((layout == Layout::Lrgb).then_some(3));
+    // A lock a row: threads follow one another through the planes.
+    let of_rows: Vec<_> =
+        planes_of_rows.map(|planes| Mutex::new(vec![CoefficientDistribution::new(); planes])).collect();
+    for_each_span(stack, fit, layout, level, SPAN, |span| {
         check()?;
-        let mut ranges = Vec::with_capacity(planes);
-        for row in span.functions.chunks_exact(span.pixels * channels) {
-            let [r, g, b] = channel_ranges(row);
-            // All lanes of a one-channel row belong to its one plane.
-            let of_row = if channels == 3 { vec![r, g, b] } else { vec![r.union(g).union(b)] };
-            ranges.extend(of_row);
-        }
-        if colors == 3 {
-            ranges.extend(channel_ranges(span.base_color));
-        }
-        // The union of ranges is the same in any order.
-        let mut total = total.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        for (total, range) in total.iter_mut().zip(ranges) {
-            *total = total.union(range);
+        for ((row, _), distributions) in rows_of(span, layout).zip(&of_rows) {
+            let mut distributions = distributions.lock().unwrap_or_else(PoisonError::into_inner);
+            CoefficientDistribution::add_interleaved(&mut distributions, row, span.first);
         }
         Ok::<(), E>(())
     })?;
-    Ok(total.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+    Ok(of_rows.into_iter().flat_map(|row| row.into_inner().unwrap_or_else(PoisonError::into_inner)).collect())
 }
 
-/// Ranges of the samples 0, 3, 6 ..; 1, 4, 7 ..; and 2, 5, 8 .. of `row`.
-fn channel_ranges(row: &[f32]) -> [CoefficientRange; 3] {
-    /// A multiple of three channels and of the SIMD lanes.
-    const WIDTH: usize = 24;
-    let (mut min, mut max) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
-    let chunks = row.chunks_exact(WIDTH);
-    for (lane, value) in chunks.remainder().iter().enumerate() {
-        (min[lane], max[lane]) = (min[lane].min(*value), max[lane].max(*value));
-    }
-    for chunk in chunks {
-        for lane in 0..WIDTH {
-            // Comparisons, not f32::min: those compile to one instruction a vector.
-            min[lane] = if chunk[lane] < min[lane] { chunk[lane] } else { min[lane] };
-            max[lane] = if chunk[lane] > max[lane] { chunk[lane] } else { max[lane] };
-        }
-    }
-    std::array::from_fn(|channel| {
-        (channel..WIDTH).step_by(3).fold(CoefficientRange::EMPTY, |range, lane| {
-            range.union(CoefficientRange { min: min[lane], max: max[lane] })
+/// Coefficients of up to `blocks` blocks of 4 x 4 pixels spread evenly over the picture, all of them
+/// where there are no more; the same for every stack of that size.
+///
+/// # Errors
+/// As [`for_each_span`].
+///
+/// # Panics
+/// When `blocks` is 0.
+pub fn coefficient_sample(
+    stack: &dyn Stack,
+    fit: &LeastSquares,
+    layout: Layout,
+    level: CpuLevel,
+    blocks: usize,
+) -> Result<CoefficientSample, FitError> {
+    let fitting = Fitting::new(stack, fit, layout, level)?;
+    let (width, height) = (stack.width(), stack.height());
+    let corners = block_corners(width, height, blocks);
+    // By block: planes x 16.
+    let of_blocks = corners
+        .par_iter()
+        .map_init(Scratch::default, |scratch, &(x, y)| {
+            let columns = 4.min(width - x);
+            let mut block: Vec<[f32; 16]> = Vec::new();
+            for row in 0..4 {
+                let first = (y + row).min(height - 1) * width + x;
+                let span = scratch.fit(&fitting, first, columns)?;
+                let mut plane = 0;
+                for (samples, channels) in rows_of(&span, layout) {
+                    block.resize((plane + channels).max(block.len()), [0.0; 16]);
+                    for channel in 0..channels {
+                        for column in 0..4 {
+                            block[plane][4 * row + column] =
+                                samples[column.min(columns - 1) * channels + channel];
+                        }
+                        plane += 1;
+                    }
+                }
+            }
+            Ok(block)
         })
-    })
+        .collect::<Result<Vec<_>, FitError>>()?;
+    let planes =
+        (0..of_blocks[0].len()).map(|plane| of_blocks.iter().flat_map(|block| block[plane]).collect());
+    Ok(CoefficientSample { blocks: corners.len(), planes: planes.collect() })
+}
+
+/// The upper left pixels of up to `most` blocks: one at a place of its own in each of as many equal
+/// parts of the picture's grid of blocks.
+fn block_corners(width: usize, height: usize, most: usize) -> Vec<(usize, usize)> {
+    let (columns, rows) = (width.div_ceil(4), height.div_ceil(4));
+    let grid = (columns * rows) as u64;
+    let parts = grid.min(most as u64);
+    (0..parts)
+        .map(|part| {
+            let (start, end) = (part * grid / parts, (part + 1) * grid / parts);
+            // 2^32 times the golden ratio: its multiples keep blocks from lining up in columns.
+            let place = (part * 0x9e37_79b9) & 0xffff_ffff;
+            let block = (start + ((place * (end - start)) >> 32)) as usize;
+            (block % columns * 4, block / columns * 4)
+        })
+        .collect()
 }
 
 /// All coefficients at once, in f32 planes.
@@ -221,14 +283,11 @@ pub fn fit_map(
     level: CpuLevel,
 ) -> Result<CoefficientMap, FitError> {
     let pixels = stack.pixels();
-    let channels = model.layout.planes_per_function();
-    let planes = std::sync::Mutex::new(vec![vec![0.0; pixels]; model.plane_count()]);
-    for_each_span(stack, fit, model.layout, level, |span| {
-        let mut planes = planes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let rows = span.functions.chunks_exact(span.pixels * channels);
-        let colors = (!span.base_color.is_empty()).then_some((span.base_color, 3));
+    let planes = Mutex::new(vec![vec![0.0; pixels]; model.plane_count()]);
+    for_each_span(stack, fit, model.layout, level, SPAN, |span| {
+        let mut planes = planes.lock().unwrap_or_else(PoisonError::into_inner);
         let mut plane = 0;
-        for (row, channels) in rows.map(|row| (row, channels)).chain(colors) {
+        for (row, channels) in rows_of(span, model.layout) {
             for channel in 0..channels {
                 let values = row[channel..].iter().step_by(channels);
                 for (out, value) in planes[plane][span.first..].iter_mut().zip(values) {
@@ -239,6 +298,6 @@ pub fn fit_map(
         }
         Ok::<(), FitError>(())
     })?;
-    let planes = planes.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let planes = planes.into_inner().unwrap_or_else(PoisonError::into_inner);
     Ok(CoefficientMap { width: stack.width(), height: stack.height(), model, planes })
 }

@@ -1,6 +1,22 @@
 //! Block formats: 4 x 4 texels in 8 or 16 bytes.
+//!
+//! A format is a row of the table below: what it holds, who encodes a row of its blocks and who
+//! decodes a block. Padding, strips and clean values are the same for all (`encode`, `decode`).
+
+mod bc6h;
+mod coding;
+mod decode;
+mod encode;
+mod foreign;
+mod plain;
+
+pub use coding::{BlockCoding, Encoder, Quality};
+pub use decode::{decode_blocks, decode_channel};
+pub use encode::encode_blocks;
 
 use crate::{Precision, TexelDomain};
+use decode::Decode;
+use encode::EncodeRow;
 
 /// A block format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -26,37 +42,42 @@ pub enum BlockFormat {
 }
 
 /// A row of the table of block formats.
-#[derive(Clone, Copy, Debug)]
 struct Facts {
     format: BlockFormat,
     name: &'static str,
     channels: usize,
     bytes: usize,
     domain: TexelDomain,
-    decoded: Precision,
+    encode: EncodeRow,
+    /// A faster encoder whose bytes may differ between machines, where this build has one.
+    foreign: Option<EncodeRow>,
+    decode: Decode,
 }
 
 const fn facts(
     format: BlockFormat,
     name: &'static str,
-    (channels, bytes): (usize, usize),
-    domain: TexelDomain,
-    decoded: Precision,
+    (channels, bytes, domain): (usize, usize, TexelDomain),
+    (encode, foreign): (EncodeRow, Option<EncodeRow>),
+    decode: Decode,
 ) -> Facts {
-    Facts { format, name, channels, bytes, domain, decoded }
+    Facts { format, name, channels, bytes, domain, encode, foreign, decode }
 }
 
+use TexelDomain::{Signed, Unit};
+
 /// All formats, in the order of [`BlockFormat`].
+#[rustfmt::skip]
 static FACTS: [Facts; 9] = [
-    facts(BlockFormat::Bc1, "bc1", (3, 8), TexelDomain::Unit, Precision::U8),
-    facts(BlockFormat::Bc3, "bc3", (4, 16), TexelDomain::Unit, Precision::F32),
-    facts(BlockFormat::Bc4, "bc4", (1, 8), TexelDomain::Unit, Precision::F32),
-    facts(BlockFormat::Bc4Signed, "bc4s", (1, 8), TexelDomain::Signed, Precision::F32),
-    facts(BlockFormat::Bc5, "bc5", (2, 16), TexelDomain::Unit, Precision::F32),
-    facts(BlockFormat::Bc5Signed, "bc5s", (2, 16), TexelDomain::Signed, Precision::F32),
-    facts(BlockFormat::Bc6h, "bc6h", (3, 16), TexelDomain::Unit, Precision::F16),
-    facts(BlockFormat::Bc6hSigned, "bc6hs", (3, 16), TexelDomain::Signed, Precision::F16),
-    facts(BlockFormat::Bc7, "bc7", (3, 16), TexelDomain::Unit, Precision::U8),
+    facts(BlockFormat::Bc1, "bc1", (3, 8, Unit), (plain::bc1, None), decode::BC1),
+    facts(BlockFormat::Bc3, "bc3", (4, 16, Unit), (plain::bc3, None), decode::BC3),
+    facts(BlockFormat::Bc4, "bc4", (1, 8, Unit), (plain::bc4, None), decode::BC4),
+    facts(BlockFormat::Bc4Signed, "bc4s", (1, 8, Signed), (plain::bc4_signed, None), decode::BC4_SIGNED),
+    facts(BlockFormat::Bc5, "bc5", (2, 16, Unit), (plain::bc5, None), decode::BC5),
+    facts(BlockFormat::Bc5Signed, "bc5s", (2, 16, Signed), (plain::bc5_signed, None), decode::BC5_SIGNED),
+    facts(BlockFormat::Bc6h, "bc6h", (3, 16, Unit), (bc6h::unsigned, foreign::BC6H), decode::BC6H),
+    facts(BlockFormat::Bc6hSigned, "bc6hs", (3, 16, Signed), (bc6h::signed, None), decode::BC6H_SIGNED),
+    facts(BlockFormat::Bc7, "bc7", (3, 16, Unit), (plain::bc7, foreign::BC7), decode::BC7),
 ];
 
 impl BlockFormat {
@@ -96,6 +117,6 @@ impl BlockFormat {
 
     /// The precision that holds a decoded channel exactly.
     pub fn decoded_precision(self) -> Precision {
-        self.facts().decoded
+        self.facts().decode.precision()
     }
 }

@@ -3,7 +3,7 @@
 //! It knows where a texel lies within its layer, not where layers lie in a file: that is the
 //! container's business. Working memory is a span a thread and, with mips, the planes of level 1.
 
-use crate::mips::{halve, halve_rows};
+use crate::mips::MipFilter;
 use crate::texels::{Place, Row, TexelBuffer};
 use crate::{
     ArrayPlan, BlockCoding, BlockFormat, LayerPlan, Packing, Precision, Quantizer, TexelFormat,
@@ -66,14 +66,14 @@ pub struct Packer {
     /// Sums of squared errors by plane of the runs so far, with each run's first pixel: added up
     /// in the order of pixels, so that the figures don't depend on threads.
     errors: Mutex<Vec<(usize, Vec<f64>)>>,
-    /// Planes of level 1, where there is one.
+    /// Level 1, where there is one, channels interleaved as in the spans.
     halved: Option<Mutex<Vec<Vec<f32>>>>,
 }
 
-/// Pixels of a run such that [`Packer::write`] takes it: whole rows of blocks where the packing has
-/// blocks or mips, about 8,192 otherwise.
-pub fn span_pixels(width: usize, packing: &Packing) -> usize {
-    if packing.needs_rows() { span_rows(width) * width } else { SPAN }
+/// Pixels of a run such that [`Packer::write`] takes it: whole rows of blocks where the packing
+/// [needs rows](crate::needs_rows), 8,192 otherwise.
+pub fn span_pixels(width: usize, needs_rows: bool) -> usize {
+    if needs_rows { span_rows(width) * width } else { SPAN }
 }
 
 /// Rows of blocks that make about 8,192 pixels, in rows of pixels.
@@ -100,7 +100,7 @@ impl Packer {
         assert!(planes.into_iter().eq(0..model.plane_count()), "every plane once");
         let halved = (packing.levels > 1).then(|| {
             let texels = level_size(width, 1) * level_size(height, 1);
-            Mutex::new(vec![vec![0.0; texels]; model.plane_count()])
+            Mutex::new(strides(model).map(|stride| vec![0.0; texels * stride]).collect())
         });
         Self {
             width,
@@ -138,7 +138,7 @@ impl Packer {
             self.put_layer(&layer, &run, Some(&mut errors), put)?;
         }
         if let Some(halved) = &self.halved {
-            self.add_to_level_1(halved, &planes, span);
+            self.add_to_level_1(halved, span);
         }
         let mut all = self.errors.lock().unwrap_or_else(PoisonError::into_inner);
         all.push((span.first, errors));
@@ -157,19 +157,28 @@ impl Packer {
     pub fn finish<E: Send>(mut self, put: Put<'_, E>) -> Result<PackReport, E> {
         let pixels = self.width * self.height;
         assert_eq!(self.written(), pixels, "every pixel");
-        let mut planes =
-            self.halved.take().map(|planes| planes.into_inner().unwrap_or_else(PoisonError::into_inner));
+        let mut halved =
+            self.halved.take().map(|level| level.into_inner().unwrap_or_else(PoisonError::into_inner));
         for level in 1..self.packing.levels {
             let (width, height) = (level_size(self.width, level), level_size(self.height, level));
-            let Some(halved) = &mut planes else { break };
-            let rows: Vec<_> =
-                halved.iter().map(|plane| Row { samples: plane, stride: 1, channel: 0 }).collect();
+            let Some(samples) = &mut halved else { break };
+            let strides: Vec<usize> =
+                samples.iter().map(|samples| samples.len() / (width * height)).collect();
+            let rows: Vec<_> = samples
+                .iter()
+                .zip(&strides)
+                .flat_map(|(samples, &stride)| rows_of(samples, stride))
+                .collect();
             let run = Run { planes: &rows, width, first: 0, pixels: width * height };
             self.layers(level)
                 .into_par_iter()
                 .try_for_each(|layer| self.put_layer(&layer, &run, None, put))?;
             if level + 1 < self.packing.levels {
-                halved.par_iter_mut().for_each(|plane| *plane = halve(plane, width, height));
+                samples.par_iter_mut().zip(strides).for_each(|(samples, stride)| {
+                    let next = level_size(width, 1) * level_size(height, 1) * stride;
+                    let finer = std::mem::replace(samples, vec![0.0; next]);
+                    MipFilter::new(width, height, stride).add_rows(0, &finer, samples);
+                });
             }
         }
         let mut errors = std::mem::take(&mut *self.errors.lock().unwrap_or_else(PoisonError::into_inner));
@@ -208,9 +217,8 @@ impl Packer {
             assert!(last || span.pixels.is_multiple_of(row), "a span is whole rows of blocks");
         }
         let functions = span.functions.chunks_exact((span.pixels * stride).max(1));
-        let of =
-            |samples: &'a [f32], stride| (0..stride).map(move |channel| Row { samples, stride, channel });
-        functions.flat_map(|samples| of(samples, stride)).chain(of(span.base_color, base)).collect()
+        let functions = functions.flat_map(|samples| rows_of(samples, stride));
+        functions.chain(rows_of(span.base_color, base)).collect()
     }
 
     fn put_layer<E>(
@@ -288,7 +296,8 @@ impl Packer {
                 texels.chunks_exact_mut(4).for_each(|texel| texel[3] = 1.0);
             }
             for (channel, (row, quantizer)) in rows.iter().zip(quantizers).enumerate() {
-                let per_unit = if quantizer.scale == 0.0 { 0.0 } else { 1.0 / quantizer.scale };
+                // A range without width has no codes but the first: its bias is the value.
+                let per_unit = Some(1.0 / quantizer.scale).filter(|f| f.is_finite()).unwrap_or(0.0);
                 for (texel, c) in texels.chunks_exact_mut(channels).zip(row.iter()) {
                     texel[channel] = (c - quantizer.bias) * per_unit;
                 }
@@ -312,19 +321,36 @@ impl Packer {
 
     /// Adds what a run contributes to level 1. A row there has its sources in at most two runs,
     /// and a + b is b + a: the sums don't depend on which comes first.
-    fn add_to_level_1(&self, halved: &Mutex<Vec<Vec<f32>>>, planes: &[Row<'_>], span: &CoefficientSpan<'_>) {
-        let (width, first_row) = (level_size(self.width, 1), span.first / self.width);
-        let mut plane_samples = Vec::with_capacity(span.pixels);
-        for (plane, row) in planes.iter().enumerate() {
-            plane_samples.clear();
-            plane_samples.extend(row.iter());
-            let (to, rows) = halve_rows(&plane_samples, self.width, self.height, first_row);
+    fn add_to_level_1(&self, halved: &Mutex<Vec<Vec<f32>>>, span: &CoefficientSpan<'_>) {
+        let (first_row, rows) = (span.first / self.width, span.pixels / self.width);
+        let width = level_size(self.width, 1);
+        let stride = self.layout.planes_per_function();
+        let functions = span.functions.chunks_exact(span.pixels * stride);
+        let base = (!span.base_color.is_empty()).then_some(span.base_color);
+        for (group, samples) in functions.chain(base).enumerate() {
+            let stride = samples.len() / span.pixels;
+            let filter = MipFilter::new(self.width, self.height, stride);
+            let next_rows = filter.rows_from(first_row..first_row + rows);
+            let mut part = vec![0.0; next_rows.len() * width * stride];
+            filter.add_rows(first_row, samples, &mut part);
             let mut halved = halved.lock().unwrap_or_else(PoisonError::into_inner);
-            for (sum, part) in halved[plane][to * width..].iter_mut().zip(rows) {
+            for (sum, part) in halved[group][next_rows.start * width * stride..].iter_mut().zip(part) {
                 *sum += part;
             }
         }
     }
+}
+
+/// Channels that are interleaved in each of a span's groups of samples: the functions, then the
+/// base colour where there is one.
+fn strides(model: &Model) -> impl Iterator<Item = usize> {
+    let base = (model.layout == Layout::Lrgb).then_some(3);
+    std::iter::repeat_n(model.layout.planes_per_function(), model.basis.count()).chain(base)
+}
+
+/// The planes of samples that interleave `stride` of them.
+fn rows_of(samples: &[f32], stride: usize) -> impl Iterator<Item = Row<'_>> {
+    (0..stride).map(move |channel| Row { samples, stride, channel })
 }
 
 /// A layer at a mip level.

@@ -182,13 +182,18 @@ impl Packing {
 
     /// Whether writers need whole rows of blocks rather than any run of pixels.
     pub fn needs_rows(&self) -> bool {
-        self.levels > 1 || self.formats().any(|format| format.unit_size() > 1)
+        needs_rows(self.formats(), self.levels)
     }
 
     /// Bytes of level 0 a pixel, over all layers, without padding.
     pub fn bits_per_pixel(&self) -> f64 {
         self.arrays.iter().map(|array| array.format.bits() * array.layers.len() as f64).sum()
     }
+}
+
+/// Whether writers of `formats` and `levels` need whole rows of blocks rather than any run of pixels.
+pub fn needs_rows(mut formats: impl Iterator<Item = TexelFormat>, levels: usize) -> bool {
+    levels > 1 || formats.any(|format| format.unit_size() > 1)
 }
 
 /// The planes in the channels of each layer of `format`.

@@ -3,7 +3,9 @@
 use crate::pictures::{Pictures, basis_of, direction, dome, fit_of, model_of, random, relit};
 use relight_core::sphere::{Cap, fibonacci_in};
 use relight_core::{Basis, CoefficientMap, CpuLevel, Direction, Layout};
-use relight_fit::{FitError, LeastSquares, LightWeights, Ridge, coefficient_ranges, fit_map};
+use relight_fit::{
+    FitError, LeastSquares, LightWeights, Ridge, coefficient_distributions, coefficient_sample, fit_map,
+};
 
 const LAYOUTS: [(Layout, usize); 3] = [(Layout::Grey, 1), (Layout::Rgb, 3), (Layout::Lrgb, 3)];
 
@@ -148,6 +150,33 @@ fn grey_pictures_have_no_base_colour() {
     let refused = fit_map(&pictures, &fit, model_of(&fit.basis, Layout::Lrgb), CpuLevel::detect());
     assert!(matches!(refused, Err(FitError::GreyHasNoColor)));
     let check = || Ok::<(), FitError>(());
-    let refused = coefficient_ranges(&pictures, &fit, Layout::Lrgb, CpuLevel::detect(), check);
+    let refused = coefficient_distributions(&pictures, &fit, Layout::Lrgb, CpuLevel::detect(), check);
     assert!(matches!(refused, Err(FitError::GreyHasNoColor)));
+    let refused = coefficient_sample(&pictures, &fit, Layout::Lrgb, CpuLevel::detect(), 9);
+    assert!(matches!(refused, Err(FitError::GreyHasNoColor)));
+}
+
+#[test]
+fn a_coefficient_that_is_no_number_is_named_by_plane_and_pixel() {
+    let lights = dome(24);
+    let basis = basis_of("ptm", 6, &lights);
+    let calm = Pictures::of((24, SIZE, 3), |light, pixel, _| 0.5 + 0.5 * random(light, pixel));
+    let fit = fit_of(&basis, &lights, LightWeights::Voronoi, Ridge::Fixed(0.0), &calm);
+    // Finite values that the first function's row of the solution adds up to more than f32 holds.
+    let bad = SIZE.0 * 57 + 13;
+    let pictures = Pictures::of((24, SIZE, 3), |light, pixel, channel| match (pixel, channel) {
+        (pixel, 1) if pixel == bad => 3e38 * fit.solution[light].signum(),
+        _ => f64::from(calm.rows[light][pixel * 3 + channel]),
+    });
+    let check = || Ok::<(), FitError>(());
+    let found = coefficient_distributions(&pictures, &fit, Layout::Rgb, CpuLevel::detect(), check).unwrap();
+    let map = fit_map(&pictures, &fit, model_of(&basis, Layout::Rgb), CpuLevel::detect()).unwrap();
+    let mut named = 0;
+    for (plane, distribution) in found.iter().enumerate() {
+        let expected = map.planes[plane].iter().position(|value| !value.is_finite());
+        assert_eq!(distribution.first_not_finite(), expected, "plane {plane}");
+        assert!(expected.is_none_or(|pixel| pixel == bad && plane % 3 == 1), "plane {plane}");
+        named += usize::from(expected.is_some());
+    }
+    assert!(named > 0);
 }

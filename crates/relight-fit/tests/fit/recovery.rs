@@ -3,11 +3,13 @@
 use crate::pictures::{basis_of, dome, fit_of, lopsided, model_of, pictures_of, weights_of};
 use nalgebra::DMatrix;
 use relight_core::basis::FAMILIES;
-use relight_core::{Basis, CoefficientMap, CpuLevel, Direction, FitFigures, Layout, Model, sphere};
+use relight_core::{Basis, CoefficientDistribution, CoefficientMap, CpuLevel, Direction, FitFigures, Layout};
+use relight_core::{Model, sphere};
 use relight_fit::{
-    Decomposition, FitError, LeastSquares, LeaveOneOut, LightWeights, Ridge, coefficient_ranges, fit_map,
-    for_each_span,
+    Decomposition, FitError, LeastSquares, LeaveOneOut, LightWeights, Ridge, SPAN, coefficient_distributions,
+    coefficient_sample, fit_map, for_each_span,
 };
+use std::collections::HashSet;
 
 const LAYOUTS: [Layout; 3] = [Layout::Grey, Layout::Rgb, Layout::Lrgb];
 
@@ -124,7 +126,7 @@ fn spans_hold_every_pixel_once() {
         let channels = if layout == Layout::Rgb { 3 } else { 1 };
         let colors = if layout == Layout::Lrgb { 3 } else { 0 };
         let spans = std::sync::Mutex::new(Vec::new());
-        for_each_span(&pictures, &fit, layout, CpuLevel::BASELINE, |span| {
+        for_each_span(&pictures, &fit, layout, CpuLevel::BASELINE, SPAN, |span| {
             assert_eq!(span.functions.len(), 6 * channels * span.pixels);
             assert_eq!(span.base_color.len(), colors * span.pixels);
             spans.lock().unwrap().push((span.first, span.pixels));
@@ -142,7 +144,7 @@ fn spans_hold_every_pixel_once() {
 }
 
 #[test]
-fn ranges_are_those_of_the_planes() {
+fn distributions_are_those_of_the_planes() {
     let lights = dome(20);
     let fit = unjudged(&basis_of("ptm", 6, &lights), &lights);
     for layout in LAYOUTS {
@@ -152,12 +154,52 @@ fn ranges_are_those_of_the_planes() {
             let model: Model = model_of(&fit.basis, layout);
             let map = fit_map(&pictures, &fit, model, CpuLevel::detect()).unwrap();
             let check = || Ok::<(), FitError>(());
-            let ranges = coefficient_ranges(&pictures, &fit, layout, CpuLevel::detect(), check).unwrap();
-            assert_eq!(ranges.len(), map.planes.len());
-            for (plane, (range, values)) in ranges.iter().zip(&map.planes).enumerate() {
-                let min = values.iter().copied().fold(f32::INFINITY, f32::min);
-                let max = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-                assert_eq!((range.min, range.max), (min, max), "{layout:?} {size:?} plane {plane}");
+            let found =
+                coefficient_distributions(&pictures, &fit, layout, CpuLevel::detect(), check).unwrap();
+            assert_eq!(found.len(), map.planes.len());
+            for (plane, (distribution, values)) in found.iter().zip(&map.planes).enumerate() {
+                let mut expected = [CoefficientDistribution::new()];
+                CoefficientDistribution::add_interleaved(&mut expected, values, 0);
+                assert!(*distribution == expected[0], "{layout:?} {size:?} plane {plane}");
+            }
+        }
+    }
+}
+
+#[test]
+fn sampled_blocks_are_those_of_the_planes() {
+    let lights = dome(20);
+    let fit = unjudged(&basis_of("ptm", 6, &lights), &lights);
+    for layout in LAYOUTS {
+        for size in [(1, 1), (3, 5), (64, 32), (131, 97)] {
+            let pictures = pictures_of(&lopsided(&fit.basis, layout, size), &lights);
+            let map = fit_map(&pictures, &fit, model_of(&fit.basis, layout), CpuLevel::detect()).unwrap();
+            let grid = (size.0.div_ceil(4), size.1.div_ceil(4));
+            for most in [1, 100, 10_000] {
+                let sample = coefficient_sample(&pictures, &fit, layout, CpuLevel::detect(), most).unwrap();
+                assert_eq!(sample.blocks, most.min(grid.0 * grid.1));
+                assert_eq!(sample.planes.len(), map.planes.len());
+                // Every value is of its own: the first coefficient says where a block lies.
+                let corner = |block: usize| {
+                    let first = sample.planes[0][16 * block];
+                    let pixel = map.planes[0].iter().position(|value| *value == first).unwrap();
+                    (pixel % size.0, pixel / size.0)
+                };
+                let corners: Vec<_> = (0..sample.blocks).map(corner).collect();
+                let columns: HashSet<usize> = corners.iter().map(|&(x, _)| x).collect();
+                assert!(columns.len() > grid.0.min(sample.blocks) / 2, "{size:?} {most}: {columns:?}");
+                assert!(corners.iter().all(|&(x, y)| x % 4 == 0 && y % 4 == 0), "{corners:?}");
+                let places: Vec<_> = corners.iter().map(|&(x, y)| (y / 4) * grid.0 + x / 4).collect();
+                assert!(places.is_sorted_by(|a, b| a < b), "{places:?}");
+                for (plane, (blocks, values)) in sample.planes.iter().zip(&map.planes).enumerate() {
+                    assert_eq!(blocks.len(), 16 * sample.blocks);
+                    for (i, found) in blocks.iter().enumerate() {
+                        let (x, y) = corners[i / 16];
+                        let (x, y) = ((x + i % 4).min(size.0 - 1), (y + i % 16 / 4).min(size.1 - 1));
+                        let expected = values[y * size.0 + x];
+                        assert_eq!(found.to_bits(), expected.to_bits(), "{layout:?} {size:?} {plane} {i}");
+                    }
+                }
             }
         }
     }
