@@ -1,0 +1,31 @@
+//! The functions of light in shader source, one file a family.
+
+mod hsh;
+mod ptm;
+mod sh;
+mod srbf;
+
+use crate::language::Type;
+use crate::source::{Parameter, Source, Takes};
+use relight_core::Basis;
+
+/// `relight_basis`: the functions of `basis` at a unit direction.
+pub(crate) fn write(source: &mut Source, basis: &Basis) {
+    match basis {
+        Basis::Srbf(srbf) => srbf::constants(source, srbf),
+        Basis::Sh(sh) => sh::constants(source, usize::from(sh.order())),
+        Basis::Ptm(_) | Basis::Hsh(_) => {}
+    }
+    source.comment(
+        "The functions of light at the unit direction l, which points from the surface to the light\n\
+         (x right in the picture, y up, z towards the viewer).",
+    );
+    let direction = [Parameter::new("l", Takes::Value(Type::Float3))];
+    let made = (Type::Float, "RELIGHT_FUNCTIONS", "basis");
+    source.array_function(made, "relight_basis", &direction, |source| match basis {
+        Basis::Ptm(_) => ptm::body(source, basis),
+        Basis::Sh(_) => sh::body(source),
+        Basis::Hsh(_) => hsh::body(source, basis.count()),
+        Basis::Srbf(srbf) => srbf::body(source, srbf.kernel()),
+    });
+}

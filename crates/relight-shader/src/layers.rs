@@ -1,0 +1,209 @@
+//! What the layers of an asset hold, in the form in which shaders sum them.
+
+use crate::language::Type;
+use crate::literal::literal;
+use crate::source::{Parameter, Source, Takes};
+use relight_core::{Layout, Model, PlaneRole};
+use relight_texture::{LayerPlan, Packing};
+use std::ops::Range;
+
+/// What a layer's planes are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// Coefficients of functions of light.
+    Light,
+    /// Factors of the sum.
+    BaseColor,
+}
+
+/// A layer, by channel of its texels; channels without a plane have a scale and bias of 0.
+#[derive(Clone, Debug)]
+pub(crate) struct Layer {
+    pub(crate) part: Part,
+    /// How many of the channels hold planes.
+    pub(crate) planes: usize,
+    /// The function that weighs the channel.
+    pub(crate) functions: [usize; 4],
+    /// The picture's channel that gains it; 0 for luminance, which all gain.
+    pub(crate) channels: [usize; 4],
+    pub(crate) scales: [f32; 4],
+    pub(crate) biases: [f32; 4],
+}
+
+/// How the channels of texels reach the channels of the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Route {
+    /// So many channels, all to all.
+    Luminance(usize),
+    /// Red, green and blue to their like.
+    Rgb,
+    /// The same, and the fourth to one that a table names.
+    RgbAndOther,
+    /// So many channels, each to one that a table names.
+    Named(usize),
+}
+
+/// Layers of one part that follow each other in one array.
+#[derive(Clone, Debug)]
+pub(crate) struct Run {
+    /// Index of the array texture.
+    pub(crate) array: usize,
+    pub(crate) part: Part,
+    pub(crate) route: Route,
+    /// Indices over all arrays.
+    pub(crate) layers: Range<usize>,
+    /// Index over all arrays of the array's first layer.
+    pub(crate) array_start: usize,
+    /// Number of the first layer among those of its part.
+    pub(crate) number: usize,
+}
+
+/// All layers of an asset.
+#[derive(Clone, Debug)]
+pub(crate) struct Layers {
+    /// By array, then layer.
+    pub(crate) layers: Vec<Layer>,
+    pub(crate) runs: Vec<Run>,
+}
+
+fn layer(model: &Model, roles: &[PlaneRole], plan: &LayerPlan) -> Layer {
+    let mut part = None;
+    let (mut functions, mut channels) = ([0; 4], [0; 4]);
+    let (mut scales, mut biases) = ([0.0; 4], [0.0; 4]);
+    for (c, (plane, quantizer)) in plan.planes.iter().zip(&plan.quantizers).enumerate() {
+        let of_plane = match roles[*plane] {
+            PlaneRole::Coefficient { functions: by_channel } => {
+                let channel = by_channel.iter().position(Option::is_some).unwrap_or(0);
+                functions[c] = by_channel[channel].map_or(0, usize::from);
+                channels[c] = if model.layout == Layout::Rgb { channel } else { 0 };
+                Part::Light
+            }
+            PlaneRole::BaseColor { channel } => {
+                channels[c] = usize::from(channel);
+                Part::BaseColor
+            }
+        };
+        assert!(*part.get_or_insert(of_plane) == of_plane, "base colour has layers of its own");
+        (scales[c], biases[c]) = (quantizer.scale, quantizer.bias);
+    }
+    let planes = plan.planes.len();
+    Layer { part: part.unwrap_or(Part::Light), planes, functions, channels, scales, biases }
+}
+
+/// The least general route that suits all of `layers`.
+fn route(layout: Layout, layers: &[Layer]) -> Route {
+    let planes = layers.iter().map(|layer| layer.planes).max().unwrap_or(0);
+    let in_order = layers.iter().all(|layer| layer.planes >= 3 && layer.channels[..3] == [0, 1, 2]);
+    match layers[0].part {
+        Part::Light if layout != Layout::Rgb => Route::Luminance(planes),
+        _ if in_order && planes == 3 => Route::Rgb,
+        _ if in_order => Route::RgbAndOther,
+        _ => Route::Named(planes),
+    }
+}
+
+impl Layers {
+    /// # Panics
+    /// Where a layer names a plane that the model lacks, or mixes coefficients and base colour.
+    pub(crate) fn new(model: &Model, packing: &Packing) -> Self {
+        let roles = model.roles();
+        let (mut layers, mut runs) = (Vec::<Layer>::new(), Vec::<Run>::new());
+        let mut numbers = [0; 2];
+        for (array, plan) in packing.arrays.iter().enumerate() {
+            let array_start = layers.len();
+            layers.extend(plan.layers.iter().map(|plan| layer(model, &roles, plan)));
+            let mut start = array_start;
+            for of_run in layers[array_start..].chunk_by(|a, b| a.part == b.part) {
+                let part = of_run[0].part;
+                let (route, end) = (route(model.layout, of_run), start + of_run.len());
+                let number = numbers[part as usize];
+                runs.push(Run { array, part, route, layers: start..end, array_start, number });
+                numbers[part as usize] += of_run.len();
+                start = end;
+            }
+        }
+        Self { layers, runs }
+    }
+
+    pub(crate) fn runs_of(&self, part: Part) -> impl Iterator<Item = &Run> {
+        self.runs.iter().filter(move |run| run.part == part)
+    }
+
+    /// How many layers hold coefficients of functions of light.
+    pub(crate) fn lit(&self) -> usize {
+        self.layers.iter().filter(|layer| layer.part == Part::Light).count()
+    }
+
+    /// Whether some channel's way has to be looked up.
+    pub(crate) fn names_channels(&self) -> bool {
+        self.runs.iter().any(|run| matches!(run.route, Route::RgbAndOther | Route::Named(_)))
+    }
+}
+
+/// Scales, biases and, where it takes one, the channels' ways.
+pub(crate) fn tables(source: &mut Source, layers: &Layers) {
+    let components = |values: &[f32; 4]| values.map(literal).join(", ");
+    source.comment(
+        "By layer, over all arrays in turn: coefficient = scale * texel + bias, channel by channel.",
+    );
+    let rows: Vec<String> = layers.layers.iter().map(|layer| components(&layer.scales)).collect();
+    source.table(Type::Float4, "RELIGHT_SCALE", &rows);
+    let rows: Vec<String> = layers.layers.iter().map(|layer| components(&layer.biases)).collect();
+    source.table(Type::Float4, "RELIGHT_BIAS", &rows);
+    if layers.names_channels() {
+        source.comment("By layer: the picture's channel that each channel of the texel belongs to.");
+        let rows: Vec<String> = layers.layers.iter().map(|layer| integers(&layer.channels)).collect();
+        source.table(Type::Int4, "RELIGHT_CHANNEL", &rows);
+    }
+}
+
+fn integers(values: &[usize; 4]) -> String {
+    values.map(|value| value.to_string()).join(", ")
+}
+
+/// `relight_layer_weights` and `relight_weights`.
+pub(crate) fn weights(source: &mut Source, layers: &Layers) {
+    let one_function = layers.layers.iter().all(|layer| {
+        let of_planes = &layer.functions[..layer.planes];
+        of_planes.iter().all(|function| *function == of_planes[0])
+    });
+    let in_order =
+        layers.layers.iter().enumerate().all(|(i, l)| l.part == Part::Light && l.functions[0] == i);
+    if !one_function {
+        source.comment("By layer: the function that weighs each channel of the texel, 0 where none does.");
+        let rows: Vec<String> = layers.layers.iter().map(|layer| integers(&layer.functions)).collect();
+        source.table(Type::Int4, "RELIGHT_FUNCTION", &rows);
+    } else if !in_order {
+        source.comment("By layer: the function that weighs it, 0 for base colour, which none does.");
+        let rows: Vec<String> = layers.layers.iter().map(|layer| layer.functions[0].to_string()).collect();
+        source.table(Type::Int, "RELIGHT_FUNCTION", &rows);
+    }
+    source.comment("The weight of each layer's channels, from the functions of light.");
+    let basis = [Parameter::new("basis", Takes::Array(Type::Float, "RELIGHT_FUNCTIONS"))];
+    let made = (Type::Float4, "RELIGHT_LAYERS", "weights");
+    source.array_function(made, "relight_layer_weights", &basis, |source| {
+        source.each("layer", "0", "RELIGHT_LAYERS", |source| {
+            let float4 = source.word(Type::Float4);
+            if one_function {
+                let function = if in_order { "layer" } else { "RELIGHT_FUNCTION[layer]" };
+                source.value(Type::Float, "weight", &format!("basis[{function}]"));
+                source.line(&format!("weights[layer] = {float4}(weight, weight, weight, weight);"));
+            } else {
+                source.value(Type::Int4, "f", "RELIGHT_FUNCTION[layer]");
+                source.line(&format!(
+                    "weights[layer] = {float4}(basis[f.x], basis[f.y], basis[f.z], basis[f.w]);"
+                ));
+            }
+        });
+    });
+    source.comment(
+        "The same from the unit direction l of a light. They are alike for all texels: work them out\n\
+         once a light, in an earlier stage or outside, rather than once a pixel.",
+    );
+    let direction = [Parameter::value("l", Type::Float3)];
+    source.array_function(made, "relight_weights", &direction, |source| {
+        source.array(Type::Float, "RELIGHT_FUNCTIONS", "basis");
+        source.fill("basis", "relight_basis", "l");
+        source.fill("weights", "relight_layer_weights", "basis");
+    });
+}
