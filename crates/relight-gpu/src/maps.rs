@@ -96,32 +96,6 @@ impl GpuMaps {
         let options = ShaderOptions { language: Language::Wgsl, maps_per_pass };
         let text = shader(&maps.model, &maps.packing, maps.width, maps.height, &options);
         let layers = maps.packing.layers();
-        // EXPERIMENT
-        let text = {
-            let mut text = text;
-            let form = std::env::var("FORM").unwrap_or_default();
-            if form == "unroll" {
-                let mut out = String::new();
-                let mut lines = text.lines();
-                while let Some(line) = lines.next() {
-                    if line.contains("for (var layer =") && line.contains(&format!("layer < {layers};")) {
-                        let mut body = String::new();
-                        for l in lines.by_ref() { if l.trim() == "}" { break; } body += l; body += "\n"; }
-                        for i in 0..layers {
-                            out += "{\n";
-                            out += &body.replace("[layer]", &format!("[{i}]")).replace(" layer,", &format!(" {i},")).replace(" layer)", &format!(" {i})"));
-                            out += "}\n";
-                        }
-                    } else { out += line; out += "\n"; }
-                }
-                text = out;
-            }
-            if form == "vars" {
-                text = text.replace("    var color: vec3f = vec3f(0.0, 0.0, 0.0);", "    var w_ = weights; var s_ = RELIGHT_SCALE; var b_ = RELIGHT_BIAS; var color: vec3f = vec3f(0.0, 0.0, 0.0);").replace("weights[layer] * (RELIGHT_SCALE[layer] * q + RELIGHT_BIAS[layer])", "w_[layer] * (s_[layer] * q + b_[layer])");
-            }
-            if std::env::var("SHOW").is_ok() { println!("{text}"); }
-            text
-        };
         Ok(Self {
             decoded,
             gpu: gpu.clone(),
@@ -255,7 +229,7 @@ fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {{
                 let finish = match maps.model.layout {
                     Layout::Lrgb => {
                         let sum = "textureLoad(so_far, here, 0).xyz";
-                        let value = format!("relight_finish_shade({sum}, {arrays}texel, numbers.level)");
+                        let value = format!("relight_shade_finish({sum}, {arrays}texel, numbers.level)");
                         Some(compile(head(3) + so_far + &body(&value), &inputs)?)
                     }
                     Layout::Grey | Layout::Rgb => None,
