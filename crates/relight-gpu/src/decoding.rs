@@ -1,12 +1,12 @@
 //! How far the GPU's own decoding of textures is from ours.
 
-use crate::picture::{GpuPicture, band_rows};
+use crate::picture::{FORMAT, GpuPicture, band_rows};
 use crate::program::{Input, Program, numbers};
 use crate::texels::{LayerPlace, layer_texels};
 use crate::upload::upload_array;
 use crate::{Gpu, GpuError};
 use relight_texture::{PackedMaps, TexelFormat, level_size};
-use wgpu::{CommandEncoderDescriptor, TextureFormat};
+use wgpu::CommandEncoderDescriptor;
 
 /// What the GPU samples from a layer, beside what our decoder makes of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,9 +29,9 @@ struct Numbers { layer: i32, level: i32, first_row: i32, unused: i32 }
 @group(0) @binding(1) var texels: texture_2d_array<f32>;
 
 @fragment
-fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
+fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<u32> {
     let texel = vec2<i32>(at.xy) + vec2<i32>(0, numbers.first_row);
-    return textureLoad(texels, texel, numbers.layer, numbers.level);
+    return bitcast<vec4<u32>>(textureLoad(texels, texel, numbers.layer, numbers.level));
 }
 ";
 
@@ -48,7 +48,7 @@ pub fn decoding_differences(
     level: usize,
 ) -> Result<Vec<DecodingDifference>, GpuError> {
     let (width, height) = (level_size(maps.width, level), level_size(maps.height, level));
-    let program = Program::new(gpu, SOURCE, &[Input::Numbers, Input::Array], TextureFormat::Rgba32Float)?;
+    let program = Program::new(gpu, SOURCE, &[Input::Numbers, Input::Array], FORMAT)?;
     let buffer = numbers(gpu, 16);
     let rows = band_rows(width, height);
     let mut target = GpuPicture::new(gpu, width, rows)?;

@@ -14,13 +14,6 @@ pub enum GpuError {
         /// Whether it had to draw into a window.
         window: bool,
     },
-    /// The adapter can't do what drawing float pictures takes.
-    Lacking {
-        /// Its name.
-        adapter: String,
-        /// What it lacks, in field words.
-        lacking: &'static str,
-    },
     /// A picture that is larger than the adapter's textures.
     TooLarge {
         /// Pixels in a row.
@@ -70,9 +63,6 @@ impl fmt::Display for GpuError {
                     "this machine has {which}{purpose}; install its driver, or a software one \
                      (Debian: libvulkan1 and mesa-vulkan-drivers)"
                 )
-            }
-            Self::Lacking { adapter, lacking } => {
-                write!(f, "{adapter} lacks {lacking}; choose another --backend")
             }
             Self::TooLarge { width, height, limit } => {
                 write!(

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::rwh::HasDisplayHandle;
 use wgpu::{
     Adapter, Backends, CommandBuffer, Device, DeviceDescriptor, DeviceType, Features, Instance,
-    InstanceDescriptor, InstanceFlags, PollType, Queue, Surface, SurfaceTarget, TextureFormat, TextureUsages,
+    InstanceDescriptor, InstanceFlags, PollType, Queue, Surface, SurfaceTarget,
 };
 
 /// The interface through which an adapter is reached.
@@ -55,8 +55,7 @@ impl Gpu {
     /// Opens the fastest adapter of `backend`; software counts.
     ///
     /// # Errors
-    /// [`GpuError::NoAdapter`]; [`GpuError::Lacking`] when it can't draw floats; others when the
-    /// driver fails.
+    /// [`GpuError::NoAdapter`], and [`GpuError::Refused`] when the driver fails.
     pub fn open(backend: Backend) -> Result<Self, GpuError> {
         for &backends in backend.attempts() {
             let instance = Instance::new(descriptor(backends));
@@ -97,14 +96,8 @@ impl Gpu {
     }
 
     fn of_adapter(adapter: Adapter) -> Result<Self, GpuError> {
-        let name = adapter.get_info().name;
-        let target = adapter.get_texture_format_features(TextureFormat::Rgba32Float);
-        if !target.allowed_usages.contains(TextureUsages::RENDER_ATTACHMENT) {
-            return Err(GpuError::Lacking { adapter: name, lacking: "drawing into pictures of floats" });
-        }
-        let wanted = Features::TEXTURE_COMPRESSION_BC | Features::FLOAT32_BLENDABLE;
-        let opened = pollster::block_on(adapter.request_device(&DeviceDescriptor {
-            required_features: adapter.features() & wanted,
+                let opened = pollster::block_on(adapter.request_device(&DeviceDescriptor {
+            required_features: adapter.features() & Features::TEXTURE_COMPRESSION_BC,
             // Everything the adapter has: pictures beyond wgpu's portable 8192 and 256 layers.
             required_limits: adapter.limits(),
             ..DeviceDescriptor::default()

@@ -1,6 +1,6 @@
 //! An asset on the GPU, lit by the shader that `relight shader` writes.
 
-use crate::picture::{GpuPicture, band_rows};
+use crate::picture::{FORMAT, GpuPicture, band_rows};
 use crate::program::{Input, Program, numbers};
 use crate::texels::{with_floats, with_layers_at_most};
 use crate::upload::upload;
@@ -10,7 +10,7 @@ use relight_core::{Direction, Layout, PlaneRole};
 use relight_shader::{Language, ShaderOptions, shader};
 use relight_texture::{PackedMaps, TexelFormat, level_size};
 use std::fmt::Write as _;
-use wgpu::{BindGroup, Buffer, CommandEncoder, CommandEncoderDescriptor, TextureFormat, TextureView};
+use wgpu::{BindGroup, Buffer, CommandEncoder, CommandEncoderDescriptor, TextureView};
 
 /// Who decodes the texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -153,13 +153,13 @@ impl Weights {
 @group(0) @binding(0) var<uniform> light: vec4<f32>;
 
 @fragment
-fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {{
+fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<u32> {{
     var weights = relight_weights(light.xyz);
-    return weights[i32(at.x)];
+    return bitcast<vec4<u32>>(weights[i32(at.x)]);
 }}
 "
         );
-        let program = Program::new(gpu, &source, &[Input::Numbers], TextureFormat::Rgba32Float)?;
+        let program = Program::new(gpu, &source, &[Input::Numbers], FORMAT)?;
         let light = numbers(gpu, 16);
         let inputs = program.bind(gpu, [&light], []);
         let drawn = GpuPicture::new(gpu, layers, 1)?;
@@ -201,18 +201,18 @@ struct Numbers {{ level: i32, first_row: i32, pass_index: i32, unused: i32 }}
             format!(
                 "
 @fragment
-fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {{
+fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<u32> {{
     let here = vec2<i32>(at.xy);
     let texel = here + vec2<i32>(0, numbers.first_row);
-    return vec4<f32>({value}, 1.0);
+    return bitcast<vec4<u32>>(vec4<f32>({value}, 1.0));
 }}
 "
             )
         };
-        let so_far = "@group(0) @binding(2) var so_far: texture_2d<f32>;\n";
+        let so_far = "@group(0) @binding(2) var so_far: texture_2d<u32>;\n";
         let compile = |source: String, inputs: &[Input]| {
             let inputs = [inputs, &vec![Input::Array; count]].concat();
-            Program::new(gpu, &source, &inputs, TextureFormat::Rgba32Float)
+            Program::new(gpu, &source, &inputs, FORMAT)
         };
         let arrays = names(count);
         let (program, passes) = match maps_per_pass {
@@ -224,11 +224,11 @@ fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {{
                 let inputs = [Input::Numbers, Input::Numbers, Input::Picture];
                 let terms =
                     format!("relight_shade_pass(numbers.pass_index, weights, {arrays}texel, numbers.level)");
-                let value = format!("textureLoad(so_far, here, 0).xyz + {terms}");
+                let sum = "bitcast<vec4<f32>>(textureLoad(so_far, here, 0)).xyz";
+                let value = format!("{sum} + {terms}");
                 let program = compile(head(3) + so_far + &body(&value), &inputs)?;
                 let finish = match maps.model.layout {
                     Layout::Lrgb => {
-                        let sum = "textureLoad(so_far, here, 0).xyz";
                         let value = format!("relight_shade_finish({sum}, {arrays}texel, numbers.level)");
                         Some(compile(head(3) + so_far + &body(&value), &inputs)?)
                     }

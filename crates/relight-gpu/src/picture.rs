@@ -8,7 +8,10 @@ use wgpu::{
     TextureViewDescriptor,
 };
 
-/// Bytes of a pixel: four floats.
+/// Four floats a pixel, as their bits: every adapter draws into integers, but not into floats.
+pub(crate) const FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
+
+/// Bytes of a pixel.
 const PIXEL_BYTES: usize = 16;
 
 /// Rows of buffers start at multiples of this.
@@ -52,7 +55,7 @@ impl GpuPicture {
             mip_level_count: 1,
             sample_count: 1,
             dimension: TextureDimension::D2,
-            format: TextureFormat::Rgba32Float,
+            format: FORMAT,
             usage: TextureUsages::RENDER_ATTACHMENT
                 | TextureUsages::TEXTURE_BINDING
                 | TextureUsages::COPY_SRC

@@ -143,8 +143,8 @@ impl Program {
 
 impl Input {
     fn binding_type(self) -> BindingType {
-        let texture = |view_dimension| BindingType::Texture {
-            sample_type: TextureSampleType::Float { filterable: false },
+        let texture = |sample_type, view_dimension| BindingType::Texture {
+            sample_type,
             view_dimension,
             multisampled: false,
         };
@@ -154,8 +154,8 @@ impl Input {
                 has_dynamic_offset: false,
                 min_binding_size: None,
             },
-            Self::Picture => texture(TextureViewDimension::D2),
-            Self::Array => texture(TextureViewDimension::D2Array),
+            Self::Picture => texture(TextureSampleType::Uint, TextureViewDimension::D2),
+            Self::Array => texture(TextureSampleType::Float { filterable: false }, TextureViewDimension::D2Array),
         }
     }
 }

@@ -35,11 +35,11 @@ pub struct Showing {
 const SOURCE: &str = "
 struct Numbers { window: vec2<f32>, picture: vec2<f32>, linear: u32, grey: u32, smooth_: u32, target_linear: u32 }
 @group(0) @binding(0) var<uniform> numbers: Numbers;
-@group(0) @binding(1) var picture: texture_2d<f32>;
+@group(0) @binding(1) var picture: texture_2d<u32>;
 
 fn load(x: i32, y: i32) -> vec3<f32> {
     let last = vec2<i32>(numbers.picture) - 1;
-    return textureLoad(picture, clamp(vec2<i32>(x, y), vec2<i32>(0), last), 0).rgb;
+    return bitcast<vec4<f32>>(textureLoad(picture, clamp(vec2<i32>(x, y), vec2<i32>(0), last), 0)).rgb;
 }
 
 fn encoded(c: vec3<f32>) -> vec3<f32> {
