@@ -66,13 +66,22 @@ fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<O
         if sized && SIZES.contains(&key.as_str()) {
             continue;
         }
+        let flag = arg.get_num_args().is_some_and(|range| range.min_values() == 0);
         let mut text = match value {
+            // `mips = true` is --mips; `zstd = true` is --zstd at its own level.
+            toml::Value::Boolean(wanted) if flag => {
+                if let (true, Some(long)) = (*wanted, arg.get_long()) {
+                    arguments.push(format!("--{long}").into());
+                }
+                continue;
+            }
             toml::Value::String(text) => text.clone(),
             toml::Value::Integer(number) => number.to_string(),
             toml::Value::Float(number) => number.to_string(),
             other => {
                 let kind = other.type_str();
-                return Err(bad(format!("key '{key}' is of type {kind}; write text or a number")));
+                let takes = if flag { "true or false" } else { "text or a number" };
+                return Err(bad(format!("key '{key}' is of type {kind}; write {takes}")));
             }
         };
         let is_light_file = key == "holdout" && text.to_ascii_lowercase().ends_with(".lp");
@@ -148,6 +157,17 @@ mod tests {
     }
 
     #[test]
+    fn switches_are_true_or_false() {
+        let job = "input = 'a'\noutput = 'b.ktx2'\nmips = true\nsplit = false\nzstd = 3";
+        let arguments = expanded(job, &[]).unwrap();
+        assert!(arguments.contains(&"--mips".to_owned()), "{arguments:?}");
+        assert!(arguments.contains(&"--zstd=3".to_owned()), "{arguments:?}");
+        assert!(!arguments.iter().any(|a| a.contains("split")), "{arguments:?}");
+        let arguments = expanded("input = 'a'\noutput = 'b.ktx2'\nzstd = true", &[]).unwrap();
+        assert!(arguments.contains(&"--zstd".to_owned()), "{arguments:?}");
+    }
+
+    #[test]
     fn mistakes_are_named() {
         let words = |text: &str| format!("{:?}", expanded(text, &[]).unwrap_err());
         assert!(words("input = 'a'\nbassis = 'sh'").contains("did you mean 'basis'?"));
@@ -155,5 +175,6 @@ mod tests {
         assert!(words("input = 'a'").contains("'output' is missing"));
         assert!(words("input = 'a'\nk = [1]").contains("'k' is of type array"));
         assert!(words("input = 'a'\n\nk = = 2").contains("line 3"));
+        assert!(words("input = 'a'\nk = true").contains("'k' is of type boolean; write text or a number"));
     }
 }

@@ -16,6 +16,7 @@ mod options;
 mod progress;
 mod render;
 mod say;
+mod shader;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
@@ -39,6 +40,8 @@ enum Command {
     Evaluate(evaluate::EvaluateArguments),
     /// Examine a capture before baking it: coverage, duplicates, exposure, usable bases
     Lights(lights::LightsArguments),
+    /// Write a shader include that lights an asset, in WGSL, GLSL or HLSL
+    Shader(shader::ShaderArguments),
     /// Say what is in a file that relight reads or writes
     Info(info::InfoArguments),
 }
@@ -60,6 +63,7 @@ fn main() -> ExitCode {
         Command::Render(arguments) => render::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Lights(arguments) => lights::run(&arguments),
+        Command::Shader(arguments) => shader::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
     });
     match result.map(|result| result.and_then(|()| say::finish())) {

@@ -3,22 +3,34 @@
 //! To add one: a file beside `asset/ptm.rs` and a row in [`ASSET_FORMATS`]. Reading, `info`, help
 //! and the tests that go through the table take it from there.
 
+mod dds;
 mod document;
 mod exr;
 mod exr_reader;
 mod ktx2;
 mod ktx2_reader;
+mod planar;
 mod ptm;
 mod ptm_reader;
-mod texels;
+mod summary;
+mod texture;
+mod textures;
+mod textures_reader;
+mod unpack;
+mod zstandard;
+
+pub use summary::{AssetSummary, describe_asset, summarize_asset};
 
 use crate::FormatError;
-use relight_core::CoefficientRange;
 use relight_core::{CoefficientSpan, Layout, Model, RelightingMaps};
-use relight_texture::{Precision, Quantizer};
+use relight_texture::{
+    Coding, PackReport, PackedMaps, Packing, Precision, Quantizer, TexelDomain, TexelFormat, full_levels,
+};
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use summary::Details;
+use textures::Container;
 
 /// What is known of an asset before its first texel.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,13 +41,43 @@ pub struct AssetHeader {
     pub height: usize,
     /// How planes and light become pixels.
     pub model: Model,
-    /// How a coefficient is stored.
-    pub precision: Precision,
+    /// Where every plane lies, and by which scale and bias.
+    pub packing: Packing,
 }
 
-/// Takes coefficients and makes a file of them; many threads may write at once.
+/// What is known of an asset before its pictures are read: enough to refuse it.
+#[derive(Clone, Copy, Debug)]
+pub struct AssetPlan<'a> {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// How planes and light become pixels.
+    pub model: &'a Model,
+    /// The texel formats that its planes will or may have.
+    pub formats: &'a [TexelFormat],
+    /// Mip levels, 1 for none but the picture itself.
+    pub levels: usize,
+}
+
+/// How files are written.
+#[derive(Clone, Copy, Debug)]
+pub struct WriteSettings {
+    /// How texels are made.
+    pub coding: Coding,
+    /// Zstandard's level for supercompression, 1 to 19; `None` for none.
+    pub zstd: Option<i32>,
+    /// Whether every layer is a file of its own rather than every array.
+    pub split: bool,
+    /// Bytes; concerns the formats that can't be streamed (exr).
+    pub memory_limit: u64,
+}
+
+/// Takes coefficients and makes files of them; many threads may write at once.
 pub trait AssetWriter: Sync + Send {
-    /// Writes the coefficients of a run of pixels. Runs come in any order, each pixel once.
+    /// Writes the coefficients of a run of pixels. Runs come in any order, each pixel once; where
+    /// [`Packing::needs_rows`] says so they are whole rows of blocks, as
+    /// [`Packer::write`](relight_texture::Packer::write) has it.
     ///
     /// # Errors
     /// [`FormatError::Io`], and [`FormatError::Invalid`] for a coefficient beyond what the format
@@ -45,11 +87,12 @@ pub trait AssetWriter: Sync + Send {
     /// When the span's slices do not have the shapes of [`CoefficientSpan`] or it leaves the map.
     fn write(&self, span: &CoefficientSpan<'_>) -> Result<(), FormatError>;
 
-    /// Puts the file in its place. A writer that is dropped instead leaves nothing behind.
+    /// Puts the files in their places and says what storing cost. A writer that is dropped instead
+    /// leaves nothing behind.
     ///
     /// # Errors
     /// [`FormatError::Io`], and [`FormatError::Invalid`] when pixels are missing.
-    fn finish(self: Box<Self>) -> Result<(), FormatError>;
+    fn finish(self: Box<Self>) -> Result<PackReport, FormatError>;
 }
 
 /// A row of the table of asset formats.
@@ -63,42 +106,68 @@ pub struct AssetFormat {
     pub about: &'static str,
     /// The layouts that it holds.
     pub layouts: &'static [Layout],
-    /// The precisions that it holds.
+    /// The precisions of plain texels that it holds, the default first.
     pub precisions: &'static [Precision],
-    /// The precisions for which [`Self::create`] must know the planes' ranges.
-    pub ranged: &'static [Precision],
+    /// Whether it holds textures: blocks, mip levels, several arrays, a file a layer. Otherwise it
+    /// holds planes one by one.
+    pub textures: bool,
+    /// Whether its textures can be compressed once more, by Zstandard.
+    pub zstd: bool,
+    /// Whether it stores a scale and bias for each plane.
+    pub scaled: bool,
     /// Whether its files are written as the spans come, rather than held until the last one.
     pub streamed: bool,
     /// The bytes with which its files begin.
     pub magic: &'static [u8],
-    /// Why it can't hold a model whose layout and precision it does hold.
+    /// Why it can't hold a model whose layout and texels it does hold.
     refusal: fn(&Model) -> Option<String>,
-    create: fn(&Path, AssetHeader, &[CoefficientRange], u64) -> Created,
+    create: fn(&Path, AssetHeader, &WriteSettings) -> Created,
+    outputs: fn(&Path, &Packing, bool) -> Result<Vec<PathBuf>, FormatError>,
     read: fn(&Path, u64) -> Result<RelightingMaps, FormatError>,
+    read_packed: fn(&Path, u64) -> Result<PackedMaps, FormatError>,
     summarize: fn(&Path) -> Result<(AssetHeader, Details), FormatError>,
 }
 
 /// What starting an asset gives.
 type Created = Result<Box<dyn AssetWriter>, FormatError>;
 
-/// Facts of a format's own, as name and value.
-type Details = Vec<(String, String)>;
-
 /// All asset formats, in the order in which they are listed to users.
-pub static ASSET_FORMATS: [AssetFormat; 3] = [
+pub static ASSET_FORMATS: [AssetFormat; 4] = [
     AssetFormat {
         name: "ktx2",
         extension: "ktx2",
         about: "KTX 2.0 array texture that GPUs load as it is",
         layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey],
         precisions: &[Precision::U8, Precision::F16, Precision::F32],
-        ranged: &[Precision::U8, Precision::F16],
+        textures: true,
+        zstd: true,
+        scaled: true,
         streamed: true,
-        magic: &::ktx2::MAGIC,
+        magic: Container::Ktx2.magic(),
         refusal: |_| None,
-        create: ktx2::create,
-        read: ktx2_reader::read,
-        summarize: ktx2_reader::summarize,
+        create: |path, header, settings| textures::create(Container::Ktx2, path, header, settings),
+        outputs: |path, packing, split| textures::outputs(Container::Ktx2, path, packing, split),
+        read: |path, limit| textures_reader::read(Container::Ktx2, path, limit),
+        read_packed: |path, limit| textures_reader::read_packed(Container::Ktx2, path, limit),
+        summarize: |path| textures_reader::summarize(Container::Ktx2, path),
+    },
+    AssetFormat {
+        name: "dds",
+        extension: "dds",
+        about: "DDS array texture (DX10) with a JSON manifest beside it",
+        layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey],
+        precisions: &[Precision::U8, Precision::F16, Precision::F32],
+        textures: true,
+        zstd: false,
+        scaled: true,
+        streamed: true,
+        magic: Container::Dds.magic(),
+        refusal: |_| None,
+        create: |path, header, settings| textures::create(Container::Dds, path, header, settings),
+        outputs: |path, packing, split| textures::outputs(Container::Dds, path, packing, split),
+        read: |path, limit| textures_reader::read(Container::Dds, path, limit),
+        read_packed: |path, limit| textures_reader::read_packed(Container::Dds, path, limit),
+        summarize: |path| textures_reader::summarize(Container::Dds, path),
     },
     AssetFormat {
         name: "exr",
@@ -106,12 +175,16 @@ pub static ASSET_FORMATS: [AssetFormat; 3] = [
         about: "OpenEXR with a layer for each function, for compositing and inspection",
         layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey],
         precisions: &[Precision::F16, Precision::F32],
-        ranged: &[],
+        textures: false,
+        zstd: false,
+        scaled: false,
         streamed: false,
         magic: &[0x76, 0x2f, 0x31, 0x01],
         refusal: |_| None,
         create: exr::create,
+        outputs: |path, _, _| Ok(vec![path.to_owned()]),
         read: exr_reader::read,
+        read_packed: |path, limit| planar::read_packed(path, limit, exr_reader::summarize, exr_reader::read),
         summarize: exr_reader::summarize,
     },
     AssetFormat {
@@ -120,12 +193,16 @@ pub static ASSET_FORMATS: [AssetFormat; 3] = [
         about: "polynomial texture map of HP's tools (PTM_1.2), for RTI viewers",
         layouts: &[Layout::Rgb, Layout::Lrgb],
         precisions: &[Precision::U8],
-        ranged: &[Precision::U8],
+        textures: false,
+        zstd: false,
+        scaled: true,
         streamed: true,
         magic: b"PTM_1.",
         refusal: ptm::refusal,
         create: ptm::create,
+        outputs: |path, _, _| Ok(vec![path.to_owned()]),
         read: ptm_reader::read,
+        read_packed: |path, limit| planar::read_packed(path, limit, ptm_reader::summarize, ptm_reader::read),
         summarize: ptm_reader::summarize,
     },
 ];
@@ -150,18 +227,25 @@ impl AssetFormat {
         )
     }
 
-    /// Whether [`Self::create`] must know the planes' ranges.
-    pub fn needs_ranges(&self, precision: Precision) -> bool {
-        self.ranged.contains(&precision)
+    /// The plain texels in which it stores planes of `layout`: textures have four channels for
+    /// colours and for luminance, everything else has one.
+    pub fn plain_format(&self, layout: Layout, precision: Precision) -> TexelFormat {
+        let channels = if self.textures && layout != Layout::Grey { 4 } else { 1 };
+        TexelFormat::Plain { precision, channels }
+    }
+
+    /// Whether the planes' quantizers in texels of `format` follow from their ranges.
+    pub fn needs_ranges(&self, format: TexelFormat) -> bool {
+        self.scaled && format.domain() != TexelDomain::Float
     }
 
     /// Bytes that a writer of this format holds until the asset is whole; 0 where it streams.
-    pub fn held_bytes(&self, header: &AssetHeader) -> u64 {
+    pub fn held_bytes(&self, plan: &AssetPlan<'_>) -> u64 {
+        let AssetPlan { width, height, model, formats, levels } = *plan;
         if self.streamed {
-            return 0;
+            return relight_texture::held_bytes(width, height, model.plane_count(), levels);
         }
-        let (width, height) = (header.width as u64, header.height as u64);
-        plane_bytes(width, height, header.model.plane_count(), header.precision).unwrap_or(u64::MAX)
+        formats.iter().map(|&format| plane_bytes(width, height, model, format)).max().unwrap_or(0)
     }
 
     /// Whether this format can hold such an asset; `path` is for the message alone.
@@ -169,123 +253,143 @@ impl AssetFormat {
     /// # Errors
     /// [`FormatError::Unsupported`] saying what it can't hold and what can;
     /// [`FormatError::Invalid`] for a map without pixels.
-    pub fn check(&self, path: &Path, header: &AssetHeader) -> Result<(), FormatError> {
-        let name = self.name;
-        if header.width == 0 || header.height == 0 {
-            let (width, height) = (header.width, header.height);
-            return Err(FormatError::invalid(path, format!("a map of {width} x {height} has no pixels")));
+    pub fn check(
+        &self,
+        path: &Path,
+        plan: &AssetPlan<'_>,
+        settings: &WriteSettings,
+    ) -> Result<(), FormatError> {
+        let AssetPlan { width, height, model, formats, levels } = *plan;
+        let (name, invalid) = (self.name, |problem| Err(FormatError::invalid(path, problem)));
+        if width == 0 || height == 0 {
+            return invalid(format!("a map of {width} x {height} has no pixels"));
         }
-        let refusal = if !self.layouts.contains(&header.model.layout) {
+        let most = full_levels(width, height);
+        if !(1..=most).contains(&levels) {
+            return invalid(format!(
+                "{levels} mip levels are outside 1..{most} of {width} x {height} pixels"
+            ));
+        }
+        let odd = formats.iter().find(|&&format| !self.holds(format));
+        let refusal = if !self.layouts.contains(&model.layout) {
             let layouts: Vec<_> = self.layouts.iter().map(|&layout| layout_name(layout)).collect();
-            let (held, layout) = (layouts.join(" or "), layout_name(header.model.layout));
+            let (held, layout) = (layouts.join(" or "), layout_name(model.layout));
             Some(format!("{name} holds layout {held}, not {layout}; choose another, or write .ktx2"))
-        } else if !self.precisions.contains(&header.precision) {
+        } else if let Some(TexelFormat::Plain { precision, .. }) = odd {
             let precisions: Vec<_> = self.precisions.iter().map(|precision| precision.name()).collect();
-            let (held, precision) = (precisions.join(" or "), header.precision.name());
+            let (held, precision) = (precisions.join(" or "), precision.name());
             Some(format!("{name} holds precision {held}, not {precision}; choose another, or write .ktx2"))
+        } else if let Some(TexelFormat::Block(block)) = odd {
+            Some(format!("{name} holds no blocks such as {}; write .ktx2 or .dds", block.name()))
+        } else if levels > 1 && !self.textures {
+            Some(format!("{name} holds no mip levels; write .ktx2 or .dds"))
+        } else if settings.split && !self.textures {
+            Some(format!("{name} holds all maps in one file; write .ktx2 or .dds to split them"))
+        } else if settings.zstd.is_some() && !self.zstd {
+            Some(format!("{name} knows no Zstandard; write .ktx2"))
+        } else if let Some(level) = settings.zstd.filter(|level| !zstandard::LEVELS.contains(level)) {
+            let (least, most) = (zstandard::LEVELS.start(), zstandard::LEVELS.end());
+            Some(format!("Zstandard's level {level} is outside {least}..{most}"))
         } else {
-            (self.refusal)(&header.model)
+            (self.refusal)(model)
         };
         refusal.map_or(Ok(()), |problem| Err(FormatError::unsupported(path, problem)))
     }
 
-    /// Starts an asset at `path`.
-    ///
-    /// `ranges` holds the least and largest coefficient of each plane in the order of
-    /// [`Model::roles`] where [`Self::needs_ranges`] says so; otherwise it is not looked at.
-    /// `memory_limit` is in bytes and concerns the formats that can't be streamed (exr).
+    /// Whether texels of `format` are among those that it holds.
+    fn holds(&self, format: TexelFormat) -> bool {
+        match format {
+            TexelFormat::Plain { precision, .. } => self.precisions.contains(&precision),
+            TexelFormat::Block(_) => self.textures,
+        }
+    }
+
+    /// All files that an asset at `path` will have: `path` first, then further textures
+    /// `stem_1.ktx2`, `stem_2.ktx2` .. and the manifest `stem.json` where there are such. What
+    /// stands at `path` is always replaced; at the other names, only files of an asset are.
     ///
     /// # Errors
-    /// Those of [`Self::check`]; [`FormatError::Io`]; [`FormatError::TooLarge`] where the map must
-    /// be held in memory and can't; [`FormatError::Invalid`] for a plane whose range is not finite.
+    /// [`FormatError::Invalid`] naming a file that would be replaced and is none of an asset.
+    pub fn outputs(&self, path: &Path, packing: &Packing, split: bool) -> Result<Vec<PathBuf>, FormatError> {
+        (self.outputs)(path, packing, split)
+    }
+
+    /// Starts an asset at `path`.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`] and [`Self::outputs`]; [`FormatError::Io`];
+    /// [`FormatError::TooLarge`] where the map must be held in memory and can't;
+    /// [`FormatError::Invalid`] for a plane whose scale or bias is not finite.
     ///
     /// # Panics
-    /// When ranges are needed and there is not one for each plane.
+    /// When the packing does not hold every plane of the model once, or an array without planes.
     pub fn create(
         &self,
         path: &Path,
         header: AssetHeader,
-        ranges: &[CoefficientRange],
-        memory_limit: u64,
+        settings: &WriteSettings,
     ) -> Result<Box<dyn AssetWriter>, FormatError> {
-        self.check(path, &header)?;
-        if self.needs_ranges(header.precision) {
-            assert_eq!(ranges.len(), header.model.plane_count(), "one range for each plane");
-        }
-        (self.create)(path, header, ranges, memory_limit)
+        let formats: Vec<_> = header.packing.formats().collect();
+        let AssetHeader { width, height, ref model, ref packing } = header;
+        self.check(
+            path,
+            &AssetPlan { width, height, model, formats: &formats, levels: packing.levels },
+            settings,
+        )?;
+        (self.create)(path, header, settings)
     }
 }
 
-/// Reads an asset of any format, told by its first bytes.
+/// Reads an asset of any format, told by its first bytes; of textures the first file or the
+/// manifest. Blocks are decoded, mip levels after the first left aside.
 ///
 /// The planes take at most `memory_limit` bytes, with working space of some MiB beside them.
 ///
 /// # Errors
 /// [`FormatError::Unsupported`] for files that are no asset of ours, [`FormatError::Invalid`] for
-/// damaged ones, [`FormatError::TooLarge`] and [`FormatError::Io`].
+/// damaged ones and missing companions, [`FormatError::TooLarge`] and [`FormatError::Io`].
 pub fn read_asset(path: &Path, memory_limit: u64) -> Result<RelightingMaps, FormatError> {
     (format_of(path)?.read)(path, memory_limit)
 }
 
-/// What an asset is, without its texels.
-#[derive(Clone, Debug)]
-pub struct AssetSummary {
-    /// Its format.
-    pub format: &'static AssetFormat,
-    /// Size, model and precision.
-    pub header: AssetHeader,
-    /// Bytes of the file.
-    pub file_bytes: u64,
-    /// Facts of the format's own, as name and value.
-    pub details: Vec<(String, String)>,
-}
-
-/// Reads what an asset is, without its texels.
+/// Reads an asset as a GPU takes it: all levels, blocks as they are. Formats that hold planes one by
+/// one give an array of single-channel texels, a layer a plane.
+///
+/// The texels take at most `memory_limit` bytes, with working space of some MiB beside them.
 ///
 /// # Errors
-/// As of [`read_asset`], short of what only the texels show.
-pub fn summarize_asset(path: &Path) -> Result<AssetSummary, FormatError> {
-    let format = format_of(path)?;
-    let (_, file_bytes) = open_measured(path)?;
-    let (header, details) = (format.summarize)(path)?;
-    Ok(AssetSummary { format, header, file_bytes, details })
+/// As of [`read_asset`].
+pub fn read_packed(path: &Path, memory_limit: u64) -> Result<PackedMaps, FormatError> {
+    (format_of(path)?.read_packed)(path, memory_limit)
 }
 
-/// [`summarize_asset`] in words: rows of a name and a value.
-///
-/// # Errors
-/// As of [`summarize_asset`].
-pub fn describe_asset(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
-    let AssetSummary { format, header, file_bytes, details } = summarize_asset(path)?;
-    let AssetHeader { width, height, model, precision } = header;
-    let mut rows: Vec<(String, String)> = Vec::new();
-    let mut row = |name: &str, value: String| rows.push((name.to_owned(), value));
-    row("format", format!("{} ({})", format.name, format.about));
-    row("size", format!("{width} x {height}"));
-    row("basis", format!("{}, {} functions", model.basis.family().name, model.basis.count()));
-    row("layout", layout_name(model.layout).to_owned());
-    row("space", format!("{:?}", model.space).to_lowercase());
-    row("precision", precision.name().to_owned());
-    row("planes", model.plane_count().to_string());
-    let lights = model.lights.len();
-    row("lights", if lights == 0 { "not recorded".to_owned() } else { lights.to_string() });
-    if let Some(figures) = model.figures {
-        row("fit rmse", figures.fit_rmse.to_string());
-        row("leave-one-out rmse", figures.leave_one_out_rmse.to_string());
-    }
-    row("file bytes", file_bytes.to_string());
-    rows.extend(details);
-    Ok(rows)
+/// Whether a file that begins with `start` may be an asset or its manifest.
+pub(crate) fn is_asset(start: &[u8]) -> bool {
+    start.starts_with(b"{") || ASSET_FORMATS.iter().any(|format| start.starts_with(format.magic))
 }
 
-/// The format whose magic bytes `path` begins with.
+/// The format whose magic bytes `path` begins with, or the first file that the manifest at `path`
+/// lists.
 fn format_of(path: &Path) -> Result<&'static AssetFormat, FormatError> {
-    let mut start = Vec::new();
-    open(path)?.take(16).read_to_end(&mut start).map_err(|e| FormatError::io(path, "read", e))?;
-    ASSET_FORMATS.iter().find(|format| start.starts_with(format.magic)).ok_or_else(|| {
+    let start = start_of(path)?;
+    let by_magic = |start: &[u8]| ASSET_FORMATS.iter().find(|format| start.starts_with(format.magic));
+    let format = if start.starts_with(b"{") {
+        let first = textures_reader::first_file(path)?;
+        by_magic(&start_of(&first)?).filter(|format| format.textures)
+    } else {
+        by_magic(&start)
+    };
+    format.ok_or_else(|| {
         let known = known_extensions();
         FormatError::unsupported(path, format!("is no asset; relight reads those that it writes: {known}"))
     })
+}
+
+/// The first bytes of a file, up to 16.
+fn start_of(path: &Path) -> Result<Vec<u8>, FormatError> {
+    let mut start = Vec::new();
+    open(path)?.take(16).read_to_end(&mut start).map_err(|e| FormatError::io(path, "read", e))?;
+    Ok(start)
 }
 
 fn known_extensions() -> String {
@@ -312,25 +416,15 @@ fn open_measured(path: &Path) -> Result<(File, u64), FormatError> {
     Ok((file, length))
 }
 
-/// Bytes that the planes of such an asset take in memory, and pixels of a plane, when the product
-/// can be counted.
-fn plane_bytes(width: u64, height: u64, planes: usize, precision: Precision) -> Option<u64> {
-    width.checked_mul(height)?.checked_mul(planes as u64 * precision.bytes() as u64)
-}
-
-/// Refuses an asset whose planes take more than `limit` bytes.
-fn check_memory(path: &Path, header: &AssetHeader, limit: u64) -> Result<(), FormatError> {
-    let AssetHeader { width, height, model, precision } = header;
-    let needed = plane_bytes(*width as u64, *height as u64, model.plane_count(), *precision);
-    match needed {
-        Some(needed) if needed <= limit && usize::try_from(needed).is_ok() => Ok(()),
-        needed => Err(FormatError::too_large(path, needed.unwrap_or(u64::MAX), limit)),
-    }
+/// Bytes that the planes of such an asset take in memory; saturates.
+fn plane_bytes(width: usize, height: usize, model: &Model, format: TexelFormat) -> u64 {
+    let texel_bytes = (model.plane_count() * format.decoded_precision().bytes()) as u64;
+    (width as u64).saturating_mul(height as u64).saturating_mul(texel_bytes)
 }
 
 /// What each plane is called in messages and in EXR files, in the order of [`Model::roles`]:
 /// `b03_uv.R`, `b03_uv.Y`, `base.R`.
-fn plane_names(model: &Model) -> Vec<String> {
+pub fn plane_names(model: &Model) -> Vec<String> {
     let layer = |j: usize| {
         let label = model.basis.label(j);
         let word: String = label
@@ -352,22 +446,31 @@ fn plane_names(model: &Model) -> Vec<String> {
     }
 }
 
-/// A quantizer for each plane.
-fn quantizers(
-    path: &Path,
-    header: &AssetHeader,
-    ranges: &[CoefficientRange],
-) -> Result<Vec<Quantizer>, FormatError> {
-    let plain = CoefficientRange { min: 0.0, max: 1.0 };
-    let ranges = (0..header.model.plane_count()).map(|plane| ranges.get(plane).copied().unwrap_or(plain));
-    let quantizers: Vec<_> = ranges.map(|range| header.precision.quantizer(range)).collect();
-    let finite = |q: &Quantizer| q.scale.is_finite() && q.bias.is_finite();
-    if let Some(plane) = quantizers.iter().position(|q| !finite(q)) {
-        let name = &plane_names(&header.model)[plane];
-        let problem = format!("the coefficients of plane {name} are not finite; raise the ridge");
-        return Err(FormatError::invalid(path, problem));
+/// The quantizer of each plane, in the order of [`Model::roles`].
+///
+/// # Panics
+/// When a plane is in no layer.
+fn plane_quantizers(header: &AssetHeader) -> Vec<Quantizer> {
+    let mut quantizers = vec![None; header.model.plane_count()];
+    for layer in header.packing.arrays.iter().flat_map(|array| &array.layers) {
+        for (&plane, &quantizer) in layer.planes.iter().zip(&layer.quantizers) {
+            quantizers[plane] = Some(quantizer);
+        }
     }
-    Ok(quantizers)
+    quantizers.into_iter().map(|quantizer| quantizer.expect("every plane lies in a layer")).collect()
+}
+
+/// Refuses quantizers that are not finite.
+fn check_finite(path: &Path, header: &AssetHeader) -> Result<(), FormatError> {
+    let finite = |q: &Quantizer| q.scale.is_finite() && q.bias.is_finite();
+    match plane_quantizers(header).iter().position(|q| !finite(q)) {
+        None => Ok(()),
+        Some(plane) => {
+            let name = &plane_names(&header.model)[plane];
+            let problem = format!("the coefficients of plane {name} are not finite; raise the ridge");
+            Err(FormatError::invalid(path, problem))
+        }
+    }
 }
 
 /// Panics unless `span` has its shapes and lies inside the map.

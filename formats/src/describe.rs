@@ -1,7 +1,7 @@
 //! What is in a file, as names and values.
 
 use crate::FormatError;
-use crate::asset::{ASSET_FORMATS, describe_asset};
+use crate::asset::{describe_asset, is_asset};
 use crate::light_file::read_light_file;
 use crate::picture::probe;
 use std::io::Read;
@@ -27,8 +27,7 @@ pub fn describe(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
     let mut magic = Vec::new();
     let file = std::fs::File::open(path).map_err(|source| FormatError::io(path, "open", source))?;
     file.take(16).read_to_end(&mut magic).map_err(|source| FormatError::io(path, "read", source))?;
-    let asset = ASSET_FORMATS.iter().any(|format| magic.starts_with(format.magic));
-    let as_asset = if asset { Some(describe_asset(path)) } else { None };
+    let as_asset = if is_asset(&magic) { Some(describe_asset(path)) } else { None };
     match as_asset {
         Some(Ok(facts)) => return Ok(facts),
         // An OpenEXR file without our attribute is a picture; every other damaged asset is that.

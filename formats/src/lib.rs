@@ -13,7 +13,10 @@ mod positioned;
 mod samples;
 mod stack;
 
-pub use asset::{AssetFormat, AssetHeader, AssetWriter, describe_asset, read_asset};
+pub use asset::{
+    AssetFormat, AssetHeader, AssetPlan, AssetWriter, WriteSettings, describe_asset, plane_names,
+    read_asset, read_packed, summarize_asset,
+};
 pub use capture_folder::{OpenCapture, open_capture};
 pub use describe::describe;
 pub use error::FormatError;

@@ -72,6 +72,12 @@ impl OutputFile {
         &self.path
     }
 
+    /// A nameless file on the same disk, gone when it is closed.
+    pub(crate) fn spool(&self) -> Result<File, FormatError> {
+        let folder = self.temporary.path().parent().unwrap_or(Path::new("."));
+        tempfile::tempfile_in(folder).map_err(|e| FormatError::io(&self.path, "create", e.kind().into()))
+    }
+
     pub(crate) fn file(&self) -> &File {
         self.temporary.as_file()
     }
@@ -113,6 +119,28 @@ impl OutputFile {
     fn write_error(&self, source: io::Error) -> FormatError {
         FormatError::io(&self.path, "write", source)
     }
+}
+
+/// Puts all files in their places, in order. When one can't be, those before it that replaced
+/// nothing are taken away again.
+///
+/// # Errors
+/// As of [`OutputFile::finish`].
+pub(crate) fn finish_all(files: impl IntoIterator<Item = OutputFile>) -> Result<(), FormatError> {
+    let mut added = Vec::new();
+    for file in files {
+        let target = file.target.clone();
+        let is_new = !target.exists();
+        if let Err(error) = file.finish() {
+            // The error that matters is the one above.
+            added.iter().for_each(|target| drop(fs::remove_file(target)));
+            return Err(error);
+        }
+        if is_new {
+            added.push(target);
+        }
+    }
+    Ok(())
 }
 
 /// Writes a whole file at once, by way of an [`OutputFile`].

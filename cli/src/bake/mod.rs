@@ -2,6 +2,7 @@
 
 mod fit;
 mod report;
+mod textures;
 
 use crate::failure::Failure;
 use crate::holdout::Holdout;
@@ -10,11 +11,13 @@ use crate::{evaluate, interrupt, notes, progress};
 use clap::{Args, ValueEnum};
 use relight_core::basis::{Domain, FAMILIES, Kernel, PointSet, Spread, SrbfDesign};
 use relight_core::{Layout, Model, Space, Stack};
-use relight_fit::{LightWeights, Ridge, Sample, coefficient_ranges, for_each_span, span_bytes};
-use relight_formats::{
-    AssetFormat, AssetHeader, OpenCapture, PictureStack, StackSettings, open_capture, place_of,
+use relight_fit::{
+    LightWeights, Ridge, Sample, coefficient_distributions, coefficient_sample, for_each_span, span_bytes,
 };
-use relight_texture::Precision;
+use relight_formats::{
+    AssetFormat, AssetHeader, AssetPlan, OpenCapture, PictureStack, StackSettings, open_capture, place_of,
+};
+use relight_texture::{Precision, needs_rows, span_pixels};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -23,7 +26,7 @@ use std::time::Instant;
 pub(crate) struct BakeArguments {
     /// A .lp file, a folder that holds one, or a .toml job file
     input: PathBuf,
-    /// The asset to write: .ktx2, .exr or .ptm
+    /// The asset to write: .ktx2, .dds, .exr or .ptm
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Family of functions: ptm, sh, hsh or srbf
@@ -50,9 +53,11 @@ pub(crate) struct BakeArguments {
     /// Weight of each light: by the area of its cell on the sphere, or all alike
     #[arg(long, value_name = "WEIGHTS", value_enum, default_value = "voronoi")]
     weights: Weights,
-    /// How coefficients are stored; u8 by default, f16 in .exr
+    /// How coefficients are stored without blocks; u8 by default, f16 in .exr
     #[arg(long, value_name = "PRECISION", value_enum)]
     precision: Option<PrecisionChoice>,
+    #[command(flatten)]
+    textures: textures::TextureOptions,
     /// Pictures to leave out and judge by: every:N, random:N, random:N:SEED or FILE.lp
     #[arg(long, value_name = "WHICH")]
     holdout: Option<Holdout>,
@@ -164,7 +169,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     for path in std::iter::once(&arguments.output).chain(&arguments.report) {
         check_writable(path)?;
     }
-    let precision = arguments.precision(format);
+    let settings = arguments.textures.settings(machine.memory)?;
     let mut stages = Stages(Vec::new());
 
     let all = stages.time("open", || open_capture(&arguments.input))?;
@@ -172,8 +177,9 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let (fitted, left_out) = split(&all, arguments.holdout.as_ref())?;
     let judges =
         left_out.iter().flat_map(|judge| judge.capture.pictures.iter().chain([&judge.capture.light_file]));
-    let read = all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges);
-    check_apart(std::iter::once(&arguments.output).chain(&arguments.report), read)?;
+    let inputs: Vec<&PathBuf> =
+        all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges).collect();
+    check_apart(std::iter::once(&arguments.output).chain(&arguments.report), inputs.iter().copied())?;
     let space = arguments.space(&all);
     let choice = fit::choose_basis(arguments, &fitted)?;
     let layout = arguments.layout(&fitted);
@@ -184,16 +190,15 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         lights: fitted.capture.lights.directions(),
         figures: None,
     };
-    let header = |model| AssetHeader {
-        width: fitted.infos[0].width,
-        height: fitted.infos[0].height,
-        model,
-        precision,
-    };
-    format.check(&arguments.output, &header(model.clone())).map_err(Failure::of_output)?;
+    let (width, height) = (fitted.infos[0].width, fitted.infos[0].height);
+    let formats = arguments.textures.formats(arguments.precision.map(Precision::from), format, layout)?;
+    let levels = arguments.textures.levels(width, height);
+    let plan = AssetPlan { width, height, model: &model, formats: &formats, levels };
+    format.check(&arguments.output, &plan, &settings).map_err(Failure::of_output)?;
 
-    let spans = machine.threads as u64 * span_bytes(fitted.infos.len(), choice.basis.count());
-    let kept_back = format.held_bytes(&header(model.clone())).saturating_add(spans);
+    let span = span_pixels(width, needs_rows(formats.iter().copied(), levels));
+    let spans = machine.threads as u64 * span_bytes(fitted.infos.len(), choice.basis.count(), span);
+    let kept_back = format.held_bytes(&plan).saturating_add(spans);
     let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &arguments.output))?;
     let fit = stages.time("solve", || -> Result<_, Failure> {
         let sample = Sample::of(&stack).map_err(relight_fit::FitError::from)?;
@@ -201,18 +206,41 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         fit::solve(arguments, choice, &fitted, &sample)
     })?;
     model.figures = Some(fit.least_squares.figures);
-    let header = header(model);
 
-    let ranges = stages.time("ranges", || match format.needs_ranges(precision) {
-        true => coefficient_ranges::<Failure>(&stack, &fit.least_squares, layout, machine.level, || {
-            Ok(interrupt::check()?)
-        }),
-        false => Ok(Vec::new()),
+    let distributions =
+        stages.time("ranges", || match formats.iter().any(|&texels| format.needs_ranges(texels)) {
+            true => coefficient_distributions::<Failure>(
+                &stack,
+                &fit.least_squares,
+                layout,
+                machine.level,
+                || Ok(interrupt::check()?),
+            ),
+            false => Ok(Vec::new()),
+        })?;
+    let plan = stages.time("formats", || -> Result<_, Failure> {
+        let trial = match arguments.textures.tries() {
+            true => Some(textures::Trial {
+                sample: coefficient_sample(
+                    &stack,
+                    &fit.least_squares,
+                    layout,
+                    machine.level,
+                    textures::TRIAL_BLOCKS,
+                )?,
+                left_out: fit.least_squares.leave_one_out.left_out.clone(),
+            }),
+            false => None,
+        };
+        arguments.textures.plan(&model, (width, height), &formats, &distributions, trial.as_ref())
     })?;
-    let writer = format.create(&arguments.output, header, &ranges, machine.memory)?;
+    let header = AssetHeader { width, height, model: model.clone(), packing: plan.packing.clone() };
+    let outputs = format.outputs(&arguments.output, &plan.packing, settings.split)?;
+    check_apart(outputs.iter().chain(&arguments.report), inputs.iter().copied())?;
+    let writer = format.create(&arguments.output, header, &settings)?;
     let bar = progress::bar("fitting", stack.pixels());
-    stages.time("fit and write", || -> Result<(), Failure> {
-        for_each_span::<Failure>(&stack, &fit.least_squares, layout, machine.level, |span| {
+    let packed = stages.time("fit and write", || -> Result<_, Failure> {
+        for_each_span::<Failure>(&stack, &fit.least_squares, layout, machine.level, span, |span| {
             interrupt::check()?;
             writer.write(span)?;
             bar.inc(span.pixels as u64);
@@ -237,7 +265,9 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         judged: judged.as_ref(),
         stages: &stages,
         spilled,
-        precision,
+        model: &model,
+        plan: &plan,
+        packed: &packed,
     };
     summary.print(&arguments.output);
     if let Some(path) = &arguments.report {
@@ -308,16 +338,17 @@ fn load(
     Ok(stack)
 }
 
-impl BakeArguments {
-    fn precision(&self, format: &AssetFormat) -> Precision {
-        match self.precision {
-            Some(PrecisionChoice::U8) => Precision::U8,
-            Some(PrecisionChoice::F16) => Precision::F16,
-            Some(PrecisionChoice::F32) => Precision::F32,
-            None => format.precisions[0],
+impl From<PrecisionChoice> for Precision {
+    fn from(choice: PrecisionChoice) -> Self {
+        match choice {
+            PrecisionChoice::U8 => Self::U8,
+            PrecisionChoice::F16 => Self::F16,
+            PrecisionChoice::F32 => Self::F32,
         }
     }
+}
 
+impl BakeArguments {
     fn space(&self, capture: &OpenCapture) -> Space {
         match self.space {
             SpaceChoice::Encoded => Space::Encoded,

@@ -2,11 +2,13 @@
 
 use super::Stages;
 use super::fit::BakeFit;
+use super::textures::Plan;
 use crate::evaluate::Evaluation;
 use crate::notes;
 use crate::say::say;
+use relight_core::Model;
 use relight_formats::OpenCapture;
-use relight_texture::Precision;
+use relight_texture::{PackReport, TexelFormat, light_energy};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -19,7 +21,16 @@ pub(super) struct Summary<'a> {
     pub(super) judged: Option<&'a Evaluation>,
     pub(super) stages: &'a Stages,
     pub(super) spilled: u64,
-    pub(super) precision: Precision,
+    pub(super) model: &'a Model,
+    pub(super) plan: &'a Plan,
+    pub(super) packed: &'a PackReport,
+}
+
+/// What storing a plane cost.
+struct PlaneCost {
+    name: String,
+    /// Root mean square error that it causes in relit pictures.
+    relit_rmse: f64,
 }
 
 impl Summary<'_> {
@@ -34,14 +45,17 @@ impl Summary<'_> {
             self.fitted.infos[0].height,
             fit.basis.family().name,
             fit.basis.count(),
-            self.precision.name(),
+            self.format_names(),
             self.fitted.infos.len()
         );
+        let costs = self.costs();
+        let worst = costs.iter().max_by(|a, b| a.relit_rmse.total_cmp(&b.relit_rmse));
+        let worst = worst.map_or(String::new(), |worst| format!(", {} the most", worst.name));
         say!(
-            "error of the fit {:.4}, of predicting each light from the others {:.4} (rms, 0..1, before {} storage)",
+            "error of the fit {:.4}, of predicting each light from the others {:.4}, of storing {:.4}{worst} (rms, 0..1)",
             fit.figures.fit_rmse,
             fit.figures.leave_one_out_rmse,
-            self.precision.name()
+            total(&costs),
         );
         if let Some(judged) = self.judged {
             say!("held out, {} pictures: {}", judged.pictures.len(), judged.mean_words());
@@ -50,6 +64,55 @@ impl Summary<'_> {
         let stages: Vec<_> =
             self.stages.0.iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
         say!("{total:.2} s: {}", stages.join(", "));
+    }
+
+    /// The formats of the textures, each once.
+    fn format_names(&self) -> String {
+        let mut names: Vec<_> = self.plan.packing.formats().map(TexelFormat::name).collect();
+        names.dedup();
+        names.join(" and ")
+    }
+
+    /// What storing each plane cost, in the order of the model's planes.
+    fn costs(&self) -> Vec<PlaneCost> {
+        let energy = light_energy(self.model);
+        let names = relight_formats::plane_names(self.model);
+        let planes = names.into_iter().zip(&energy).zip(&self.packed.rmse);
+        planes.map(|((name, energy), rmse)| PlaneCost { name, relit_rmse: energy.sqrt() * rmse }).collect()
+    }
+
+    /// Formats, ranges and costs of every map.
+    fn storing(&self) -> Value {
+        let costs = self.costs();
+        let packing = &self.plan.packing;
+        let mut maps = Vec::new();
+        for (array, plan) in packing.arrays.iter().enumerate() {
+            for (layer, plan_of_layer) in plan.layers.iter().enumerate() {
+                for (channel, &plane) in plan_of_layer.planes.iter().enumerate() {
+                    let quantizer = plan_of_layer.quantizers[channel];
+                    maps.push(json!({
+                        "name": costs[plane].name,
+                        "array": array,
+                        "layer": layer,
+                        "channel": channel,
+                        "format": plan.format.name(),
+                        "scale": quantizer.scale,
+                        "bias": quantizer.bias,
+                        "clipped": self.plan.ranges[plane].clipped,
+                        "rmse": self.packed.rmse[plane],
+                        "relit_rmse": costs[plane].relit_rmse,
+                    }));
+                }
+            }
+        }
+        json!({
+            "formats": packing.formats().map(TexelFormat::name).collect::<Vec<_>>(),
+            "layers": packing.layers(),
+            "levels": packing.levels,
+            "bits_per_pixel": packing.bits_per_pixel(),
+            "relit_rmse": total(&costs),
+            "maps": maps,
+        })
     }
 
     /// The report as JSON text.
@@ -83,7 +146,8 @@ impl Summary<'_> {
             "height": self.fitted.infos[0].height,
             "basis": fit.basis,
             "functions": fit.basis.count(),
-            "precision": self.precision.name(),
+            "precision": self.format_names(),
+            "storing": self.storing(),
             "ridge": fit.ridge,
             "rank": decomposition.rank(),
             "condition": finite(decomposition.condition()),
@@ -98,6 +162,11 @@ impl Summary<'_> {
         });
         format!("{report:#}\n")
     }
+}
+
+/// Root mean square error of relit pictures by all planes together: their errors are independent.
+fn total(costs: &[PlaneCost]) -> f64 {
+    costs.iter().map(|cost| cost.relit_rmse * cost.relit_rmse).sum::<f64>().sqrt()
 }
 
 /// JSON has no infinity: `null` stands for it.

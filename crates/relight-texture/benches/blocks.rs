@@ -6,7 +6,9 @@
 //! `lu` and `lu2` are the planes of u and u^2 of a PTM (6) fitted to all of them, in 8 bits with
 //! scale and bias. Slow encoders get every 16th row of blocks only, evenly spread.
 
-use relight_texture::{BlockCoding, BlockFormat, Encoder, Quality, TexelDomain, decode_blocks, encode_blocks};
+use relight_texture::{
+    BlockCoding, BlockFormat, Encoder, Quality, TexelDomain, decode_blocks, encode_blocks,
+};
 use std::path::Path;
 
 /// A picture of three planes, q 0..1 in steps of 1/255, interleaved.
@@ -27,7 +29,10 @@ fn main() {
         return;
     }
     let inputs = inputs(&folder);
-    println!("| format | quality | encoder | MPix/s | PSNR {} |", inputs.each_ref().map(|i| i.name).join(" / "));
+    println!(
+        "| format | quality | encoder | MPix/s | PSNR {} |",
+        inputs.each_ref().map(|i| i.name).join(" / ")
+    );
     println!("|---|---|---|---|---|");
     for format in BlockFormat::all() {
         if !wanted.is_empty() && !wanted.iter().any(|name| name == format.name()) {
@@ -148,7 +153,8 @@ fn inputs(folder: &Path) -> [Input; 3] {
         };
         let q = plane.iter().enumerate().map(code).collect();
         let largest = |(low, high): (f32, f32)| high.max(-low);
-        let signed = ends.map(|(low, high)| ((high - low) / largest((low, high)), low / largest((low, high))));
+        let signed =
+            ends.map(|(low, high)| ((high - low) / largest((low, high)), low / largest((low, high))));
         Input { name, width, q, signed: Some(signed) }
     };
     let photo = Input { name: "photo", width, q: photo, signed: None };

@@ -10,7 +10,7 @@
 ///
 /// Source: Bayer, *An optimum method for two-level rendition of continuous-tone pictures*, 1973; the
 /// rank is the bits of x xor y and of y, interleaved and reversed.
-pub fn ordered(x: usize, y: usize, plane: usize) -> f32 {
+pub(crate) fn ordered(x: usize, y: usize, plane: usize) -> f32 {
     let diagonal = x ^ y;
     let rank = (0..3).fold(0, |rank, bit| rank << 2 | (diagonal >> bit & 1) << 1 | (y >> bit & 1));
     // 39 / 64 is near the golden ratio: the next planes are as far from one another as can be.

@@ -1,5 +1,6 @@
 //! Scale, bias and codes: coefficient = scale * q + bias.
 
+use crate::TexelDomain;
 use half::f16;
 use relight_core::CoefficientRange;
 
@@ -47,16 +48,15 @@ impl Precision {
     /// Floats are stored as they are; halves too unless the range leaves theirs (65504) or lies
     /// among their denormals throughout, in which case the scale brings the largest magnitude to 1.
     pub fn quantizer(self, range: CoefficientRange) -> Quantizer {
-        let plain = Quantizer { scale: 1.0, bias: 0.0 };
         match self {
             Self::U8 => Quantizer::over(range),
-            Self::F32 => plain,
+            Self::F32 => Quantizer::PLAIN,
             Self::F16 => {
                 let largest = range.min.abs().max(range.max.abs());
                 if largest.is_finite() && largest > 0.0 && !(1e-3..=65504.0).contains(&largest) {
                     Quantizer { scale: largest, bias: 0.0 }
                 } else {
-                    plain
+                    Quantizer::PLAIN
                 }
             }
         }
@@ -64,6 +64,20 @@ impl Precision {
 }
 
 impl Quantizer {
+    /// Texels are the coefficients.
+    pub const PLAIN: Self = Self { scale: 1.0, bias: 0.0 };
+
+    /// What spreads the texels of `domain` over `range`: 0..1 by scale and bias as [`Self::over`],
+    /// -1..1 by a scale around 0; halves and floats are plain.
+    pub fn of_domain(domain: TexelDomain, range: CoefficientRange) -> Self {
+        match domain {
+            TexelDomain::Unit => Self::over(range),
+            TexelDomain::Signed if range.min > range.max => Self { scale: 0.0, bias: 0.0 },
+            TexelDomain::Signed => Self { scale: range.min.abs().max(range.max.abs()), bias: 0.0 },
+            TexelDomain::Half | TexelDomain::Float => Self::PLAIN,
+        }
+    }
+
     /// 8-bit codes 0..255 over `range`: the least coefficient is code 0, the largest 255. A range
     /// without width stores its value exactly as the bias.
     pub fn over(range: CoefficientRange) -> Self {
@@ -81,9 +95,29 @@ impl Quantizer {
         if factor.is_finite() { factor } else { 0.0 }
     }
 
-    /// The nearest 8-bit code.
+    /// The nearest 8-bit code; 0 for NaN.
     pub fn code(self, coefficient: f32) -> u8 {
-        ((coefficient - self.bias) * self.codes_per_unit() + 0.5) as u8
+        self.dithered_code(coefficient, 0.0)
+    }
+
+    /// The 8-bit code nearest to what lies `dither` codes above `coefficient`; see
+    /// [`ordered`](crate::dither::ordered).
+    pub fn dithered_code(self, coefficient: f32, dither: f32) -> u8 {
+        // The conversion clamps to 0..255, takes NaN to 0 and truncates what is now half above the code.
+        ((coefficient - self.bias) * self.codes_per_unit() + (0.5 + dither)) as u8
+    }
+
+    /// The texel q of `coefficient`, which block encoders take, clamped to 0..1 or -1..1 where that is
+    /// all that `domain` holds; 0 where there is no width and for NaN.
+    pub fn texel(self, domain: TexelDomain, coefficient: f32) -> f32 {
+        let q = (coefficient - self.bias) / self.scale;
+        // 0 / 0, and x / 0 where the range is so narrow that scale is a denormal.
+        let q = if q.is_nan() || self.scale == 0.0 { 0.0 } else { q };
+        match domain {
+            TexelDomain::Unit => q.clamp(0.0, 1.0),
+            TexelDomain::Signed => q.clamp(-1.0, 1.0),
+            TexelDomain::Half | TexelDomain::Float => q,
+        }
     }
 
     /// The half.

@@ -1,16 +1,18 @@
-//! The JSON document that stands in KTX2 files under the key `relight` and in EXR files as the
-//! attribute `relight`: everything about an asset but its texels. docs/formats.md has its fields.
+//! The JSON document that stands in KTX2 files under the key `relight`, in EXR files as the
+//! attribute `relight` and in manifests beside textures: everything about an asset but its texels.
+//! docs/formats.md has its fields.
 
 use crate::FormatError;
 use relight_core::{Basis, Direction, FitFigures, Layout, Model, Space};
+use relight_texture::{ArrayPlan, Quantizer, Wrap};
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Component, Path};
 
 /// The key and the attribute that hold the document.
 pub(super) const KEY: &str = "relight";
 
-/// The document's version that this program writes and reads.
-const VERSION: u32 = 1;
+/// The document's version that this program writes; those before it are read too.
+const VERSION: u32 = 2;
 
 /// The longest document that is read: a million lights would fit.
 pub(super) const LONGEST: u64 = 32 << 20;
@@ -27,14 +29,63 @@ pub(super) struct Layer {
     pub(super) bias: Vec<f32>,
 }
 
+/// An array of layers and where it lies.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Array {
+    /// Name of the texel format; empty in documents of version 1.
+    pub(super) format: String,
+    /// Names of files in the folder of the document's own: one that holds all layers, or one a
+    /// layer; none where the asset is the one file that holds the document.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) files: Vec<String>,
+    /// At least one.
+    pub(super) layers: Vec<Layer>,
+}
+
+/// What the documents of textures say beyond the model.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Textures {
+    /// Tells the files of one asset from those of another; `None` where there is one file.
+    pub(super) id: Option<u64>,
+    /// What a sampler shall do beyond the edge.
+    pub(super) wrap: Wrap,
+    /// Mip levels; `None` in documents of version 1.
+    pub(super) levels: Option<usize>,
+    /// At least one.
+    pub(super) arrays: Vec<Array>,
+}
+
+/// What a document is about.
+#[derive(Debug)]
+pub(super) enum Document {
+    /// An asset; its textures where the file holds some.
+    Asset(Box<Model>, Option<Textures>),
+    /// A further file of an asset.
+    Part(Part),
+}
+
+/// A further file of an asset.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Part {
+    /// Name of the asset's first file or manifest, where the part knows it.
+    pub(super) of: Option<String>,
+    /// Its place among the files of the asset, 0 the first.
+    pub(super) file: usize,
+    /// As of [`Textures::id`].
+    pub(super) id: Option<u64>,
+}
+
 #[derive(Deserialize)]
 struct Versioned {
     version: u32,
+    part_of: Option<String>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Document {
+struct AssetRecord {
     version: u32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    id: Option<String>,
     basis: Basis,
     layout: Layout,
     space: Space,
@@ -43,7 +94,30 @@ struct Document {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     error: Option<ErrorRecord>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    wrap: Option<WrapRecord>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    levels: Option<usize>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    arrays: Option<Vec<Array>>,
+    /// Version 1 had one array of the format of its file.
+    #[serde(default, skip_serializing)]
     layers: Option<Vec<Layer>>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct PartRecord {
+    version: u32,
+    part_of: String,
+    file: usize,
+    id: String,
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum WrapRecord {
+    Clamp,
+    Repeat,
+    Mirror,
 }
 
 /// JSON has no word for infinity: what is not finite is null, and comes back as NaN.
@@ -53,14 +127,59 @@ struct ErrorRecord {
     leave_one_out_rmse: Option<f64>,
 }
 
-/// The document of `model`, in one line of ASCII, the same for the same model.
+/// The text of a document: for files, and for people.
+pub(super) struct Text {
+    /// In one line.
+    pub(super) line: String,
+    /// As of [`Textures::id`].
+    pub(super) id: u64,
+    record: AssetRecord,
+}
+
+impl Text {
+    /// The same over many lines, ending with one of its own.
+    ///
+    /// # Errors
+    /// As of [`text_of`].
+    pub(super) fn pretty(&self, path: &Path) -> Result<String, FormatError> {
+        serde_json::to_string_pretty(&self.record).map(|text| text + "\n").map_err(|e| unwritable(path, &e))
+    }
+}
+
+/// The record of layers as a document has it.
+pub(super) fn array_of(plan: &ArrayPlan, files: Vec<String>) -> Array {
+    let layers = plan
+        .layers
+        .iter()
+        .map(|layer| Layer {
+            planes: layer.planes.clone(),
+            scale: layer.quantizers.iter().map(|quantizer| quantizer.scale).collect(),
+            bias: layer.quantizers.iter().map(|quantizer| quantizer.bias).collect(),
+        })
+        .collect();
+    Array { format: plan.format.name().to_owned(), files, layers }
+}
+
+/// The document of `model` and of its textures, the same for the same. An id is given where the
+/// arrays name files.
 ///
 /// # Errors
 /// [`FormatError::Invalid`] when a number in it is not finite.
-pub(super) fn text_of(path: &Path, model: &Model, layers: Option<Vec<Layer>>) -> Result<String, FormatError> {
+pub(super) fn text_of(
+    path: &Path,
+    model: &Model,
+    textures: Option<(Wrap, usize, Vec<Array>)>,
+) -> Result<Text, FormatError> {
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
-    let document = Document {
+    let named =
+        textures.as_ref().is_some_and(|(_, _, arrays)| arrays.iter().any(|array| !array.files.is_empty()));
+    let (wrap, levels, arrays) = match textures {
+        Some((wrap, levels, arrays)) => (Some(wrap_record(wrap)), Some(levels), Some(arrays)),
+        None => (None, None, None),
+    };
+    let mut record = AssetRecord {
         version: VERSION,
+        id: None,
         basis: model.basis.clone(),
         layout: model.layout,
         space: model.space,
@@ -69,42 +188,171 @@ pub(super) fn text_of(path: &Path, model: &Model, layers: Option<Vec<Layer>>) ->
             fit_rmse: finite(figures.fit_rmse),
             leave_one_out_rmse: finite(figures.leave_one_out_rmse),
         }),
-        layers,
+        wrap,
+        levels,
+        arrays,
+        layers: None,
     };
-    let text = serde_json::to_string(&document)
-        .map_err(|e| FormatError::invalid(path, format!("its metadata can't be written: {e}")))?;
-    if text.len() as u64 > LONGEST {
-        let (bytes, lights) = (text.len(), model.lights.len());
+    let mut line = serde_json::to_string(&record).map_err(|e| unwritable(path, &e))?;
+    let id = fnv_1a(line.as_bytes());
+    if named {
+        record.id = Some(hexadecimal(id));
+        line = serde_json::to_string(&record).map_err(|e| unwritable(path, &e))?;
+    }
+    if line.len() as u64 > LONGEST {
+        let (bytes, lights) = (line.len(), model.lights.len());
         let problem =
             format!("metadata of {bytes} bytes ({lights} lights) exceed {LONGEST}; use fewer lights");
         return Err(FormatError::invalid(path, problem));
     }
-    Ok(text)
+    Ok(Text { line, id, record })
 }
 
-/// The model of a document, and its layers where it has some.
+/// The document of the further file number `file` of the asset that begins with file `of`.
+///
+/// # Errors
+/// As of [`text_of`].
+pub(super) fn part_text_of(path: &Path, of: &str, file: usize, id: u64) -> Result<String, FormatError> {
+    let record = PartRecord { version: VERSION, part_of: of.to_owned(), file, id: hexadecimal(id) };
+    serde_json::to_string(&record).map_err(|e| unwritable(path, &e))
+}
+
+fn unwritable(path: &Path, error: &serde_json::Error) -> FormatError {
+    FormatError::invalid(path, format!("its metadata can't be written: {error}"))
+}
+
+/// What a document says.
 ///
 /// # Errors
 /// [`FormatError::Unsupported`] for a version that is not ours, [`FormatError::Invalid`] for
 /// anything that is not such a document.
-pub(super) fn parse(path: &Path, text: &[u8]) -> Result<(Model, Option<Vec<Layer>>), FormatError> {
-    let invalid = |e| FormatError::invalid(path, format!("its metadata '{KEY}' are damaged: {e}"));
-    let Versioned { version } = serde_json::from_slice(text).map_err(invalid)?;
-    if version != VERSION {
-        let problem = format!("has metadata of version {version}; this relight reads version {VERSION}");
+pub(super) fn parse(path: &Path, text: &[u8]) -> Result<Document, FormatError> {
+    let damaged =
+        |problem: String| FormatError::invalid(path, format!("its metadata '{KEY}' are damaged: {problem}"));
+    let invalid = |e: serde_json::Error| damaged(e.to_string());
+    let Versioned { version, part_of } = serde_json::from_slice(text).map_err(invalid)?;
+    if !(1..=VERSION).contains(&version) {
+        let problem =
+            format!("has metadata of version {version}; this relight reads versions 1 to {VERSION}");
         return Err(FormatError::unsupported(path, problem));
     }
-    let document: Document = serde_json::from_slice(text).map_err(invalid)?;
+    let id_of = |id: &str| u64::from_str_radix(id, 16).map_err(|_| damaged(format!("id '{id}'")));
+    if part_of.is_some() {
+        let PartRecord { part_of, file, id, .. } = serde_json::from_slice(text).map_err(invalid)?;
+        return Ok(Document::Part(Part { of: Some(part_of), file, id: Some(id_of(&id)?) }));
+    }
+    let record: AssetRecord = serde_json::from_slice(text).map_err(invalid)?;
     let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
     let model = Model {
-        basis: document.basis,
-        layout: document.layout,
-        space: document.space,
-        lights: document.lights,
-        figures: document.error.map(|error| FitFigures {
+        basis: record.basis,
+        layout: record.layout,
+        space: record.space,
+        lights: record.lights,
+        figures: record.error.map(|error| FitFigures {
             fit_rmse: number(error.fit_rmse),
             leave_one_out_rmse: number(error.leave_one_out_rmse),
         }),
     };
-    Ok((model, document.layers))
+    let only = |layers| vec![Array { layers, ..Array::default() }];
+    let Some(arrays) = record.arrays.or(record.layers.map(only)) else {
+        return Ok(Document::Asset(Box::new(model), None));
+    };
+    check_arrays(&arrays, model.plane_count()).map_err(damaged)?;
+    let textures = Textures {
+        id: record.id.as_deref().map(id_of).transpose()?,
+        wrap: record.wrap.map_or(Wrap::Clamp, wrap_of),
+        levels: record.levels,
+        arrays,
+    };
+    Ok(Document::Asset(Box::new(model), Some(textures)))
+}
+
+/// Every plane once, a finite scale and bias each, and files that lie in the document's folder,
+/// each named once.
+fn check_arrays(arrays: &[Array], planes: usize) -> Result<(), String> {
+    let mut seen = vec![false; planes];
+    for (index, layer) in arrays.iter().flat_map(|array| &array.layers).enumerate() {
+        let count = layer.planes.len();
+        if count == 0 || layer.scale.len() != count || layer.bias.len() != count {
+            return Err(format!("layer {index} lists {count} planes without a scale and a bias each"));
+        }
+        if layer.scale.iter().chain(&layer.bias).any(|value| !value.is_finite()) {
+            return Err(format!("layer {index} has a scale or bias that is not finite"));
+        }
+        for &plane in &layer.planes {
+            match seen.get_mut(plane) {
+                Some(seen) if !*seen => *seen = true,
+                _ => return Err(format!("layer {index} lists plane {plane} of {planes} out of turn")),
+            }
+        }
+    }
+    if seen.contains(&false) || arrays.iter().any(|array| array.layers.is_empty()) {
+        return Err("its layers do not list every plane".to_owned());
+    }
+    let mut names: Vec<&str> = arrays.iter().flat_map(|array| &array.files).map(String::as_str).collect();
+    if let Some(name) = names.iter().find(|name| !is_file_name(name)) {
+        return Err(format!("'{}' is not the name of a file in its folder", name.escape_default()));
+    }
+    for (index, Array { files, layers, .. }) in arrays.iter().enumerate() {
+        let alone = files.is_empty() && arrays.len() == 1;
+        if !alone && files.len() != 1 && files.len() != layers.len() {
+            let (files, layers) = (files.len(), layers.len());
+            return Err(format!("array {index} of {layers} layers names {files} files"));
+        }
+    }
+    names.sort_unstable();
+    match names.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(pair) => Err(format!("it names file {} twice", pair[0])),
+        None => Ok(()),
+    }
+}
+
+/// Whether `name` is a file in the folder itself, on every system: no path leads elsewhere.
+pub(super) fn is_file_name(name: &str) -> bool {
+    let mut components = Path::new(name).components();
+    let plain = matches!(components.next(), Some(Component::Normal(_))) && components.next().is_none();
+    plain && name.len() <= 255 && !name.contains(['/', '\\', ':', '\0'])
+}
+
+/// The layers of an array as a packer has them.
+pub(super) fn layer_plans(layers: &[Layer]) -> Vec<relight_texture::LayerPlan> {
+    layers
+        .iter()
+        .map(|layer| relight_texture::LayerPlan {
+            planes: layer.planes.clone(),
+            quantizers: layer
+                .scale
+                .iter()
+                .zip(&layer.bias)
+                .map(|(&scale, &bias)| Quantizer { scale, bias })
+                .collect(),
+        })
+        .collect()
+}
+
+fn wrap_record(wrap: Wrap) -> WrapRecord {
+    match wrap {
+        Wrap::Clamp => WrapRecord::Clamp,
+        Wrap::Repeat => WrapRecord::Repeat,
+        Wrap::Mirror => WrapRecord::Mirror,
+    }
+}
+
+fn wrap_of(record: WrapRecord) -> Wrap {
+    match record {
+        WrapRecord::Clamp => Wrap::Clamp,
+        WrapRecord::Repeat => Wrap::Repeat,
+        WrapRecord::Mirror => Wrap::Mirror,
+    }
+}
+
+fn hexadecimal(id: u64) -> String {
+    format!("{id:016x}")
+}
+
+/// Fowler, Noll, Vo: a hash that tells documents apart, nothing more.
+fn fnv_1a(bytes: &[u8]) -> u64 {
+    bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }

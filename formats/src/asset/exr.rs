@@ -4,7 +4,8 @@
 //! 16 rows is compressed by the thread that completes it; the file is written when all are there.
 
 use super::document;
-use super::{AssetHeader, AssetWriter, assert_shape, check_memory, plane_names};
+use super::planar::{StoringErrors, precision};
+use super::{AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, plane_bytes, plane_names};
 use crate::{FormatError, OutputFile};
 use exr::block::chunk::Chunk;
 use exr::block::writer::ChunksWriter;
@@ -13,9 +14,8 @@ use exr::meta::BlockDescription;
 use exr::meta::header::Header;
 use exr::prelude::{AttributeValue, ChannelDescription, Compression, LineOrder, SampleType, Text, Vec2};
 use half::f16;
-use relight_core::CoefficientRange;
 use relight_core::{CoefficientSpan, Layout};
-use relight_texture::Precision;
+use relight_texture::{PackReport, Precision, TexelFormat};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -37,36 +37,31 @@ struct ExrWriter {
     /// The plane of each channel in the order of the file, which sorts channels by name.
     planes: Vec<usize>,
     names: Vec<String>,
+    precision: Precision,
     blocks: Vec<Mutex<Block>>,
+    errors: StoringErrors,
     file: OutputFile,
 }
 
 /// Starts an `.exr` asset; see [`super::AssetFormat::create`].
-pub(super) fn create(
-    path: &Path,
-    header: AssetHeader,
-    _ranges: &[CoefficientRange],
-    memory_limit: u64,
-) -> Result<Box<dyn AssetWriter>, FormatError> {
+pub(super) fn create(path: &Path, header: AssetHeader, settings: &WriteSettings) -> Created {
     let (width, height) = (header.width, header.height);
     if width > LARGEST_SIZE || height > LARGEST_SIZE {
         let problem = format!("{width} x {height} is outside 1..{LARGEST_SIZE} of OpenEXR; write .ktx2");
         return Err(FormatError::invalid(path, problem));
     }
-    check_memory(path, &header, memory_limit).map_err(|error| match error {
-        FormatError::TooLarge { path, needed, limit, .. } => FormatError::TooLarge {
-            path,
-            needed,
-            limit,
-            remedy: "raise --memory, or write .ktx2, which is streamed",
-        },
-        other => other,
-    })?;
+    let precision = precision(&header.packing);
+    let limit = settings.memory_limit;
+    let needed = plane_bytes(width, height, &header.model, TexelFormat::Plain { precision, channels: 1 });
+    if needed > limit || usize::try_from(needed).is_err() {
+        let remedy = "raise --memory, or write .ktx2, which is streamed";
+        return Err(FormatError::TooLarge { path: path.to_owned(), needed, limit, remedy });
+    }
     let names = plane_names(&header.model);
     let mut planes: Vec<usize> = (0..names.len()).collect();
     planes.sort_by(|&a, &b| names[a].as_bytes().cmp(names[b].as_bytes()));
-    let text = document::text_of(path, &header.model, None)?;
-    let exr = exr_header(&header, planes.iter().map(|&plane| names[plane].as_str()), &text);
+    let text = document::text_of(path, &header.model, None)?.line;
+    let exr = exr_header(&header, precision, planes.iter().map(|&plane| names[plane].as_str()), &text);
     let file = OutputFile::create(path)?;
     let rows = exr.compression.scan_lines_per_block();
     let block = |first: usize| {
@@ -74,11 +69,17 @@ pub(super) fn create(
         Mutex::new(Block::Filling { bytes: Vec::new(), missing })
     };
     let blocks = (0..height).step_by(rows).map(block).collect();
-    Ok(Box::new(ExrWriter { header, exr, planes, names, blocks, file }))
+    let errors = StoringErrors::default();
+    Ok(Box::new(ExrWriter { header, exr, planes, names, precision, blocks, errors, file }))
 }
 
-fn exr_header<'a>(asset: &AssetHeader, names: impl Iterator<Item = &'a str>, text: &str) -> Header {
-    let sample = match asset.precision {
+fn exr_header<'a>(
+    asset: &AssetHeader,
+    precision: Precision,
+    names: impl Iterator<Item = &'a str>,
+    text: &str,
+) -> Header {
+    let sample = match precision {
         Precision::F32 => SampleType::F32,
         Precision::U8 | Precision::F16 => SampleType::F16,
     };
@@ -116,16 +117,17 @@ impl ExrWriter {
     }
 
     /// Copies pixels `start..end` of `span`, which lie in the block that begins at row `top`, to
-    /// that block's bytes.
+    /// that block's bytes, and adds what rounding them costs to the `errors` of their planes.
     fn fill(
         &self,
         span: &CoefficientSpan<'_>,
         (start, end): (usize, usize),
         top: usize,
         bytes: &mut [u8],
+        errors: &mut [f64],
     ) -> Result<(), FormatError> {
-        let AssetHeader { width, precision, model, .. } = &self.header;
-        let (sample_bytes, functions) = (precision.bytes(), model.basis.count());
+        let AssetHeader { width, model, .. } = &self.header;
+        let (sample_bytes, functions) = (self.precision.bytes(), model.basis.count());
         let mut from = start;
         while from < end {
             let (x, y) = ((span.first + from) % width, (span.first + from) / width);
@@ -139,7 +141,7 @@ impl ExrWriter {
                 let samples = samples[from * stride..].iter().step_by(stride).take(count);
                 let place = (((y - top) * self.planes.len() + channel) * width + x) * sample_bytes;
                 let out = bytes[place..][..count * sample_bytes].chunks_exact_mut(sample_bytes);
-                if *precision == Precision::F32 {
+                if self.precision == Precision::F32 {
                     out.zip(samples).for_each(|(out, c)| out.copy_from_slice(&c.to_ne_bytes()));
                     continue;
                 }
@@ -148,6 +150,7 @@ impl ExrWriter {
                     if half.is_infinite() {
                         return Err(self.too_large_for_half(plane, *c));
                     }
+                    errors[plane] += f64::from(half.to_f32() - c).powi(2);
                     out.copy_from_slice(&half.to_ne_bytes());
                 }
             }
@@ -185,8 +188,8 @@ impl AssetWriter for ExrWriter {
         assert_shape(&self.header, span);
         let (rows, height) = (self.rows_per_block(), self.header.height);
         let block_pixels = rows * self.header.width;
-        let sample_bytes = self.header.precision.bytes();
-        let mut start = 0;
+        let sample_bytes = self.precision.bytes();
+        let (mut start, mut errors) = (0, vec![0.0; self.planes.len()]);
         while start < span.pixels {
             let index = (span.first + start) / block_pixels;
             let end = ((index + 1) * block_pixels - span.first).min(span.pixels);
@@ -196,7 +199,7 @@ impl AssetWriter for ExrWriter {
                     let pixels = rows.min(height - index * rows) * self.header.width;
                     bytes.resize(pixels * self.planes.len() * sample_bytes, 0);
                 }
-                self.fill(span, (start, end), index * rows, bytes)?;
+                self.fill(span, (start, end), index * rows, bytes, &mut errors)?;
                 *missing = missing.saturating_sub(end - start);
                 if *missing == 0 {
                     let bytes = std::mem::take(bytes);
@@ -205,11 +208,12 @@ impl AssetWriter for ExrWriter {
             }
             start = end;
         }
+        self.errors.add(span.first, errors);
         Ok(())
     }
 
-    fn finish(self: Box<Self>) -> Result<(), FormatError> {
-        let Self { exr, blocks, file, .. } = *self;
+    fn finish(self: Box<Self>) -> Result<PackReport, FormatError> {
+        let Self { header, exr, planes, blocks, errors, file, .. } = *self;
         let mut chunks = Vec::with_capacity(blocks.len());
         for (index, block) in blocks.into_iter().enumerate() {
             match block.into_inner().unwrap_or_else(PoisonError::into_inner) {
@@ -227,6 +231,7 @@ impl AssetWriter for ExrWriter {
         .map_err(|e| format_error(file.path(), "write", e))?;
         out.flush().map_err(|e| FormatError::io(file.path(), "write", e))?;
         drop(out);
-        file.finish()
+        file.finish()?;
+        Ok(errors.report(planes.len(), header.width * header.height))
     }
 }

@@ -1,7 +1,8 @@
 //! `.exr`: the reader of assets that [`super::exr`] wrote.
 
+use super::document::Document;
 use super::exr::format_error;
-use super::{AssetHeader, Details, check_memory, document, open, plane_names};
+use super::{AssetHeader, Details, document, open, planar, plane_bytes, plane_names};
 use crate::FormatError;
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};
@@ -10,7 +11,7 @@ use exr::meta::header::Header;
 use exr::prelude::{AttributeValue, SampleType, Text, Vec2};
 use half::f16;
 use relight_core::{RelightingMap, RelightingMaps, Texels};
-use relight_texture::Precision;
+use relight_texture::{Precision, Quantizer, TexelFormat};
 use std::fs::File;
 use std::io::BufReader;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -19,6 +20,7 @@ use std::path::Path;
 struct ExrFile {
     reader: Reader<BufReader<File>>,
     header: AssetHeader,
+    precision: Precision,
     compression: String,
     /// The plane of each channel in the order of the file.
     planes: Vec<usize>,
@@ -28,7 +30,12 @@ struct ExrFile {
 pub(super) fn read(path: &Path, memory_limit: u64) -> Result<RelightingMaps, FormatError> {
     guarded(path, || {
         let exr = open_exr(path)?;
-        check_memory(path, &exr.header, memory_limit)?;
+        let AssetHeader { width, height, model, .. } = &exr.header;
+        let format = TexelFormat::Plain { precision: exr.precision, channels: 1 };
+        let needed = plane_bytes(*width, *height, model, format);
+        if needed > memory_limit || usize::try_from(needed).is_err() {
+            return Err(FormatError::too_large(path, needed, memory_limit));
+        }
         read_planes(path, exr)
     })
 }
@@ -37,11 +44,11 @@ pub(super) fn read(path: &Path, memory_limit: u64) -> Result<RelightingMaps, For
 pub(super) fn summarize(path: &Path) -> Result<(AssetHeader, Details), FormatError> {
     guarded(path, || {
         let exr = open_exr(path)?;
-        let details = vec![
+        let rows = vec![
             ("compression".to_owned(), exr.compression),
             ("channels".to_owned(), exr.planes.len().to_string()),
         ];
-        Ok((exr.header, details))
+        Ok((exr.header, Details { rows, ..Details::default() }))
     })
 }
 
@@ -66,7 +73,9 @@ fn open_exr(path: &Path) -> Result<ExrFile, FormatError> {
     if exr.deep || exr.blocks != BlockDescription::ScanLines {
         return unsupported("is deep or tiled; relight reads OpenEXR in scan lines");
     }
-    let (model, _) = document::parse(path, text.as_slice())?;
+    let Document::Asset(model, _) = document::parse(path, text.as_slice())? else {
+        return unsupported("is part of an asset of textures, but is no texture");
+    };
     let planes = planes_of_channels(path, exr, &plane_names(&model))?;
     let precision = match exr.channels.uniform_sample_type {
         Some(SampleType::F16) => Precision::F16,
@@ -78,8 +87,10 @@ fn open_exr(path: &Path) -> Result<ExrFile, FormatError> {
         return Err(FormatError::invalid(path, "has no pixels"));
     }
     let compression = exr.compression.to_string();
-    let header = AssetHeader { width, height, model, precision };
-    Ok(ExrFile { reader, header, compression, planes })
+    let plain = Quantizer { scale: 1.0, bias: 0.0 };
+    let packing = planar::packing(precision, std::iter::repeat_n(plain, model.plane_count()));
+    let header = AssetHeader { width, height, model: *model, packing };
+    Ok(ExrFile { reader, header, precision, compression, planes })
 }
 
 /// Which plane each channel holds, when they are those of the asset, each once.
@@ -102,8 +113,8 @@ fn planes_of_channels(path: &Path, exr: &Header, names: &[String]) -> Result<Vec
 }
 
 fn read_planes(path: &Path, exr: ExrFile) -> Result<RelightingMaps, FormatError> {
-    let ExrFile { reader, header, planes: plane_of_channel, .. } = exr;
-    let AssetHeader { width, height, model, precision } = header;
+    let ExrFile { reader, header, precision, planes: plane_of_channel, .. } = exr;
+    let AssetHeader { width, height, model, .. } = header;
     let empty = || match precision {
         Precision::F32 => Texels::F32(vec![0.0; width * height]),
         Precision::U8 | Precision::F16 => Texels::F16(vec![f16::ZERO; width * height]),

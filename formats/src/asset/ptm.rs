@@ -3,12 +3,15 @@
 //! Source: FORMATS.md of this project. value = (byte - bias) x scale in 0..255 units, one scale and
 //! bias a function, rows bottom-up.
 
-use super::texels::code;
-use super::{AssetHeader, AssetWriter, assert_shape, check_complete, quantizers};
+use super::planar::StoringErrors;
+use super::{
+    AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, check_complete, check_finite,
+    plane_quantizers,
+};
 use crate::{FormatError, OutputFile};
 use relight_core::CoefficientRange;
 use relight_core::{Basis, CoefficientSpan, Layout, Model, Space};
-use relight_texture::Quantizer;
+use relight_texture::{PackReport, Quantizer};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -40,18 +43,17 @@ struct PtmWriter {
     /// Where the coefficients begin in the file.
     offset: u64,
     written: AtomicUsize,
+    errors: StoringErrors,
     file: OutputFile,
 }
 
 /// Starts a `.ptm` asset; see [`super::AssetFormat::create`].
-pub(super) fn create(
-    path: &Path,
-    header: AssetHeader,
-    ranges: &[CoefficientRange],
-    _memory_limit: u64,
-) -> Result<Box<dyn AssetWriter>, FormatError> {
-    // For its check that they are finite.
-    quantizers(path, &header, ranges)?;
+///
+/// The range of a plane is that of its quantizer in the packing.
+pub(super) fn create(path: &Path, header: AssetHeader, _settings: &WriteSettings) -> Created {
+    check_finite(path, &header)?;
+    let range = |q: Quantizer| CoefficientRange { min: q.bias, max: q.bias + q.scale };
+    let ranges: Vec<_> = plane_quantizers(&header).into_iter().map(range).collect();
     let (format, planes_per_function) = match header.model.layout {
         Layout::Lrgb => ("PTM_FORMAT_LRGB", 1),
         Layout::Rgb | Layout::Grey => ("PTM_FORMAT_RGB", 3),
@@ -81,7 +83,8 @@ pub(super) fn create(
     let file = OutputFile::create(path)?;
     file.write_at(0, head.as_bytes())?;
     let offset = head.len() as u64;
-    Ok(Box::new(PtmWriter { header, quantizers, offset, written: AtomicUsize::new(0), file }))
+    let (written, errors) = (AtomicUsize::new(0), StoringErrors::default());
+    Ok(Box::new(PtmWriter { header, quantizers, offset, written, errors, file }))
 }
 
 /// Scale and bias of a function whose coefficients lie in `range`, such that their codes are 0..255
@@ -102,14 +105,22 @@ pub(super) fn quantizer_of(scale: f32, bias: f64) -> Quantizer {
     Quantizer { scale, bias: (-bias * f64::from(scale) / 255.0) as f32 }
 }
 
+/// The squared difference between a coefficient and what its code gives back.
+fn squared_error(quantizer: &Quantizer, code: u8, coefficient: f32) -> f64 {
+    let back = quantizer.scale * (f32::from(code) / 255.0) + quantizer.bias;
+    f64::from(back - coefficient).powi(2)
+}
+
 impl PtmWriter {
-    /// Writes `count` pixels, those of `span` from its pixel `start` on, which lie in one row.
+    /// Writes `count` pixels, those of `span` from its pixel `start` on, which lie in one row, and
+    /// adds what rounding them costs to the `errors` of their planes.
     fn write_run(
         &self,
         span: &CoefficientSpan<'_>,
         start: usize,
         count: usize,
         bytes: &mut Vec<u8>,
+        errors: &mut [f64],
     ) -> Result<(), FormatError> {
         let AssetHeader { width, height, model, .. } = &self.header;
         let (x, y) = ((span.first + start) % width, (span.first + start) / width);
@@ -119,19 +130,25 @@ impl PtmWriter {
         bytes.resize(count * FUNCTIONS, 0);
         for channel in 0..channels {
             for (j, quantizer) in self.quantizers.iter().enumerate() {
-                let (bias, codes_per_unit) = (quantizer.bias, quantizer.codes_per_unit());
+                let sum = &mut errors[j * channels + channel];
                 let row = &span.functions[j * span.pixels * channels..][start * channels..];
                 let row = row[channel..].iter().step_by(channels);
                 for (pixel, c) in bytes.chunks_exact_mut(FUNCTIONS).zip(row) {
-                    pixel[j] = code(*c, bias, codes_per_unit);
+                    pixel[j] = quantizer.code(*c);
+                    *sum += squared_error(quantizer, pixel[j], *c);
                 }
             }
             let place = self.offset + channel as u64 * block + pixel * FUNCTIONS as u64;
             self.file.write_at(place, bytes)?;
         }
         if model.layout == Layout::Lrgb {
+            let unit = Quantizer { scale: 1.0, bias: 0.0 };
+            let base = &span.base_color[3 * start..][..3 * count];
             bytes.clear();
-            bytes.extend(span.base_color[3 * start..][..3 * count].iter().map(|&c| code(c, 0.0, 255.0)));
+            bytes.extend(base.iter().map(|&c| unit.code(c)));
+            for (i, (&c, &code)) in base.iter().zip(bytes.iter()).enumerate() {
+                errors[FUNCTIONS + i % 3] += squared_error(&unit, code, c);
+            }
             self.file.write_at(self.offset + block + pixel * 3, bytes)?;
         }
         Ok(())
@@ -143,19 +160,23 @@ impl AssetWriter for PtmWriter {
         assert_shape(&self.header, span);
         let width = self.header.width;
         let (mut start, mut bytes) = (0, Vec::new());
+        let mut errors = vec![0.0; self.header.model.plane_count()];
         while start < span.pixels {
             let left_in_row = width - (span.first + start) % width;
             let count = left_in_row.min(span.pixels - start);
-            self.write_run(span, start, count, &mut bytes)?;
+            self.write_run(span, start, count, &mut bytes, &mut errors)?;
             start += count;
         }
+        self.errors.add(span.first, errors);
         self.written.fetch_add(span.pixels, Ordering::Relaxed);
         Ok(())
     }
 
-    fn finish(self: Box<Self>) -> Result<(), FormatError> {
+    fn finish(self: Box<Self>) -> Result<PackReport, FormatError> {
         check_complete(self.file.path(), &self.header, self.written.load(Ordering::Relaxed))?;
-        self.file.finish()
+        let Self { header, errors, file, .. } = *self;
+        file.finish()?;
+        Ok(errors.report(header.model.plane_count(), header.width * header.height))
     }
 }
 

@@ -4,11 +4,11 @@
 //! share a line and lines may end in blanks or a carriage return.
 
 use super::ptm::{FUNCTIONS, quantizer_of};
-use super::{AssetHeader, Details, check_memory, open_measured};
+use super::{AssetHeader, Details, open_measured, planar, plane_bytes};
 use crate::FormatError;
 use relight_core::basis::Ptm;
 use relight_core::{Basis, Layout, Model, RelightingMap, RelightingMaps, Space, Texels};
-use relight_texture::{Precision, Quantizer};
+use relight_texture::{Precision, Quantizer, TexelFormat};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -74,7 +74,12 @@ impl<'a> Words<'a> {
 /// Reads a `.ptm` asset; see [`super::read_asset`].
 pub(super) fn read(path: &Path, memory_limit: u64) -> Result<RelightingMaps, FormatError> {
     let mut ptm = open(path)?;
-    check_memory(path, &ptm.header, memory_limit)?;
+    let AssetHeader { width, height, model, .. } = &ptm.header;
+    let format = TexelFormat::Plain { precision: Precision::U8, channels: 1 };
+    let needed = plane_bytes(*width, *height, model, format);
+    if needed > memory_limit || usize::try_from(needed).is_err() {
+        return Err(FormatError::too_large(path, needed, memory_limit));
+    }
     let planes = read_planes(&mut ptm).map_err(|e| match e.kind() {
         io::ErrorKind::UnexpectedEof => FormatError::invalid(path, "is cut short"),
         _ => FormatError::io(path, "read", e),
@@ -88,12 +93,12 @@ pub(super) fn summarize(path: &Path) -> Result<(AssetHeader, Details), FormatErr
     let ptm = open(path)?;
     let words =
         |word: fn(&(f32, f64)) -> String| ptm.scale_bias.iter().map(word).collect::<Vec<_>>().join(" ");
-    let details = vec![
+    let rows = vec![
         ("version".to_owned(), ptm.version.clone()),
         ("scales".to_owned(), words(|(scale, _)| scale.to_string())),
         ("biases".to_owned(), words(|(_, bias)| bias.to_string())),
     ];
-    Ok((ptm.header, details))
+    Ok((ptm.header, Details { rows, ..Details::default() }))
 }
 
 /// Reads and checks the header, and the file's size against it.
@@ -150,8 +155,18 @@ fn open(path: &Path) -> Result<PtmFile, FormatError> {
     let model =
         Model { basis: Basis::Ptm(ptm), layout, space: Space::Encoded, lights: Vec::new(), figures: None };
     let (width, height) = (width as usize, height as usize);
-    let header = AssetHeader { width, height, model, precision: Precision::U8 };
+    let quantizers = (0..model.plane_count()).map(|plane| quantizer_of_plane(&scale_bias, layout, plane));
+    let packing = planar::packing(Precision::U8, quantizers);
+    let header = AssetHeader { width, height, model, packing };
     Ok(PtmFile { file, header, version, scale_bias, offset })
+}
+
+/// The quantizer of plane `plane` of `Model::roles`; base colours have none of their own.
+fn quantizer_of_plane(scale_bias: &[(f32, f64)], layout: Layout, plane: usize) -> Quantizer {
+    match scale_bias.get(plane / layout.planes_per_function()) {
+        Some(&(scale, bias)) => quantizer_of(scale, bias),
+        None => Quantizer { scale: 1.0, bias: 0.0 },
+    }
 }
 
 /// Reads the planes in the order of `Model::roles`.
@@ -188,12 +203,8 @@ fn read_planes(ptm: &mut PtmFile) -> io::Result<Vec<RelightingMap>> {
             read_block(3, &|channel| FUNCTIONS + channel)?;
         }
     }
-    let planes_per_function = model.layout.planes_per_function();
     let map = |(plane, codes)| {
-        let quantizer = match ptm.scale_bias.get(plane / planes_per_function) {
-            Some(&(scale, bias)) => quantizer_of(scale, bias),
-            None => Quantizer { scale: 1.0, bias: 0.0 },
-        };
+        let quantizer = quantizer_of_plane(&ptm.scale_bias, model.layout, plane);
         RelightingMap { scale: quantizer.scale, bias: quantizer.bias, texels: Texels::U8(codes) }
     };
     Ok(planes.into_iter().enumerate().map(map).collect())

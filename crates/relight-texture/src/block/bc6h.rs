@@ -74,7 +74,9 @@ fn encode_block(texels: &Texels, effort: &Effort) -> [u8; 16] {
         error = keep(found);
     }
     let mut ranked: [(f32, usize); 32] =
-        std::array::from_fn(|p| if effort.partitions > 0 { (texels.guess(PARTITIONS[p]), p) } else { (0.0, p) });
+        std::array::from_fn(
+            |p| if effort.partitions > 0 { (texels.guess(PARTITIONS[p]), p) } else { (0.0, p) },
+        );
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
     for (_, partition) in &ranked[..effort.partitions] {
         if error == 0.0 {
@@ -157,7 +159,8 @@ fn assigned(
     for line in 0..mode.lines {
         let members = line_texels(mode, partition)[line];
         let ends = &mut codes[2 * line..2 * line + 2];
-        let positions = [0, 1].map(|end| ends[end].map(|code| texels.scale.position_of_code(code, mode.bits)));
+        let positions =
+            [0, 1].map(|end| ends[end].map(|code| texels.scale.position_of_code(code, mode.bits)));
         let assigned = texels.assign(positions, colors);
         error += assigned.error_of(members);
         let anchor = if line == 0 { 0 } else { ANCHORS[partition] };

@@ -38,13 +38,7 @@ impl BlockRow<'_> {
 /// 12 .. rows can be encoded at the same time.
 /// # Panics
 /// When `texels` are not whole rows or `out` is not [`TexelFormat::layer_bytes`] long.
-pub fn encode_blocks(
-    format: BlockFormat,
-    coding: BlockCoding,
-    texels: &[f32],
-    width: usize,
-    out: &mut [u8],
-) {
+pub fn encode_blocks(format: BlockFormat, coding: BlockCoding, texels: &[f32], width: usize, out: &mut [u8]) {
     let facts = format.facts();
     let row = width * facts.channels;
     assert!(row > 0 && texels.len().is_multiple_of(row), "{} values in rows of {row}", texels.len());

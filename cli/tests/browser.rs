@@ -1,0 +1,90 @@
+//! A BC7 array of ours drawn by WebGL2 in headless Chromium, with our GLSL, beside `relight render`.
+//!
+//! Without Chromium, or with one that lacks EXT_texture_compression_bptc, it prints that it skips;
+//! `RELIGHT_REQUIRE_CHROMIUM=1` makes that a failure.
+
+#![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
+
+use serde_json::{Value, json};
+use std::path::Path;
+use std::process::Command;
+
+const LIGHTS: [[f64; 3]; 5] =
+    [[0.0, 0.0, 1.0], [-0.6, 0.0, 0.8], [0.6, 0.64, 0.48], [0.36, -0.8, 0.48], [-0.48, 0.64, 0.6]];
+
+/// Largest difference of an 8-bit value that counts as the same picture.
+const TOLERANCE: u64 = 3;
+
+fn relight(arguments: &[&str], folder: &Path) {
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_relight")).args(arguments).current_dir(folder).output().unwrap();
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// The title of `page.html` once its scripts have run, or why there is none.
+fn title_in_chromium(folder: &Path) -> Result<String, String> {
+    let name = std::env::var_os("CHROMIUM").unwrap_or_else(|| "chromium".into());
+    let output = Command::new(&name)
+        .args(["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"])
+        .args(["--allow-file-access-from-files", "--virtual-time-budget=60000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
+        .arg(format!("file://{}", folder.join("page.html").display()))
+        .output()
+        .map_err(|error| format!("{} can't be run: {error}", name.to_string_lossy()))?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let title = text.split_once("<title>").and_then(|(_, rest)| rest.split_once("</title>"));
+    title.map(|(title, _)| title.to_owned()).ok_or_else(|| format!("the page has no title: {text}"))
+}
+
+fn skip(reason: &str) {
+    assert!(std::env::var_os("RELIGHT_REQUIRE_CHROMIUM").is_none_or(|v| v != "1"), "{reason}");
+    println!("skipped: {reason}");
+}
+
+#[test]
+fn a_bc7_array_in_webgl2_is_the_rendered_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let set = root.join("testdata/icon72");
+    relight(
+        &[
+            "bake",
+            set.to_str().unwrap(),
+            "-o",
+            "asset.ktx2",
+            "--basis",
+            "hsh",
+            "-k",
+            "9",
+            "--block",
+            "bc7",
+            "--quality",
+            "fast",
+            "--mips",
+        ],
+        folder,
+    );
+    relight(&["shader", "asset.ktx2", "--lang", "glsl", "-o", "asset.glsl"], folder);
+    let mut lights = Vec::new();
+    for (i, direction) in LIGHTS.iter().enumerate() {
+        let [x, y, z] = direction;
+        let name = format!("light{i}.png");
+        relight(&["render", "asset.ktx2", &format!("--light={x},{y},{z}"), "-o", &name], folder);
+        lights.push(json!({ "direction": direction, "picture": name }));
+    }
+    std::fs::write(folder.join("lights.json"), Value::from(lights).to_string()).unwrap();
+    std::fs::write(folder.join("page.html"), include_str!("browser/page.html")).unwrap();
+    let title = match title_in_chromium(folder) {
+        Ok(title) => title,
+        Err(reason) => return skip(&reason),
+    };
+    let verdict: Value = serde_json::from_str(&title).unwrap();
+    if let Some(reason) = verdict["skipped"].as_str() {
+        return skip(reason);
+    }
+    println!("{verdict}");
+    assert_eq!(verdict["lights"], LIGHTS.len(), "{verdict}");
+    assert!(verdict["levels"].as_u64().unwrap() > 1, "{verdict}");
+    assert!(verdict["worst"].as_u64().unwrap() <= TOLERANCE, "{verdict}");
+}

@@ -1,0 +1,70 @@
+//! What errors of a plane's coefficients do to the relit picture, over all lights.
+
+use relight_core::sphere::{Cap, fibonacci_in};
+use relight_core::{Direction, Model, PlaneRole};
+use std::f64::consts::FRAC_PI_2;
+
+/// Lights over the hemisphere that stand for those of a model that names none.
+const LIGHTS: usize = 256;
+
+/// For each plane, in the order of [`Model::roles`], the factor from the mean squared error of its
+/// coefficients to that of the relit picture's samples, over the model's lights (over the hemisphere
+/// where it names none).
+///
+/// A plane that function f weighs in one of three channels: `E[b_f^2] / 3`. Luminance planes reach all
+/// channels, through a base colour that is taken for its largest component, 1; planes of base colour
+/// multiply a luminance that is taken for white, 1, in one of three channels. So LRGB is overestimated,
+/// by as much as its picture is darker and more colourful than that.
+///
+/// Errors of different planes are independent, so their squares add up:
+/// relit error = sqrt(sum of energy x mean squared error).
+pub fn light_energy(model: &Model) -> Vec<f64> {
+    let squares = mean_squares(model);
+    let channels = model.channels() as f64;
+    let energy = |role| match role {
+        PlaneRole::Coefficient { functions } => {
+            functions.into_iter().flatten().map(|f| squares[usize::from(f)]).sum::<f64>() / channels
+        }
+        PlaneRole::BaseColor { .. } => 1.0 / channels,
+    };
+    model.roles().into_iter().map(energy).collect()
+}
+
+/// For each plane the error of a coefficient beyond which the relit picture gets no worse, because it
+/// ends at black and white, 0 and 1, as [`metrics`](relight_core::metrics) compares pictures: the error
+/// that is the whole range as a root mean square over the lights.
+///
+/// Linear pictures may go on above white. There, too, a highlight counts for no more than white,
+/// where it is one of few ([`choose_range`](crate::choose_range) says of how few).
+pub fn error_ceilings(model: &Model) -> Vec<f64> {
+    let squares = mean_squares(model);
+    let ceiling = |role| match role {
+        PlaneRole::Coefficient { functions } => {
+            let squares = functions.into_iter().flatten().map(|f| squares[usize::from(f)]);
+            1.0 / squares.fold(0.0, f64::max).sqrt()
+        }
+        PlaneRole::BaseColor { .. } => 1.0,
+    };
+    model.roles().into_iter().map(ceiling).collect()
+}
+
+/// The mean over the lights of each function's square.
+fn mean_squares(model: &Model) -> Vec<f64> {
+    let hemisphere;
+    let lights = match model.lights.as_slice() {
+        [] => {
+            hemisphere = fibonacci_in(Cap { axis: Direction::OUT, radius: FRAC_PI_2 }, LIGHTS);
+            &hemisphere
+        }
+        lights => lights,
+    };
+    let mut functions = vec![0.0; model.basis.count()];
+    let mut squares = vec![0.0; functions.len()];
+    for light in lights {
+        model.basis.evaluate(*light, &mut functions);
+        for (square, function) in squares.iter_mut().zip(&functions) {
+            *square += function * function / lights.len() as f64;
+        }
+    }
+    squares
+}

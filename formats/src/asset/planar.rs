@@ -1,0 +1,65 @@
+//! Formats that hold planes one by one: their packing, and what storing in them cost.
+
+use super::{AssetHeader, Details};
+use crate::FormatError;
+use relight_core::{RelightingMaps, Texels};
+use relight_texture::{
+    ArrayPlan, LayerPlan, PackReport, PackedMaps, Packing, Precision, Quantizer, TexelFormat, Wrap,
+};
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+/// An array of a layer a plane, as textures that come from such a format have.
+pub(super) fn packing(precision: Precision, quantizers: impl Iterator<Item = Quantizer>) -> Packing {
+    let layer = |(plane, quantizer)| LayerPlan { planes: vec![plane], quantizers: vec![quantizer] };
+    let layers = quantizers.enumerate().map(layer).collect();
+    let format = TexelFormat::Plain { precision, channels: 1 };
+    Packing { arrays: vec![ArrayPlan { format, layers }], levels: 1, wrap: Wrap::Clamp }
+}
+
+/// The precision of a packing for such a format.
+pub(super) fn precision(packing: &Packing) -> Precision {
+    packing.formats().next().map_or(Precision::F32, TexelFormat::decoded_precision)
+}
+
+/// Reads maps as a GPU takes them; see [`super::read_packed`].
+pub(super) fn read_packed(
+    path: &Path,
+    memory_limit: u64,
+    summarize: fn(&Path) -> Result<(AssetHeader, Details), FormatError>,
+    read: fn(&Path, u64) -> Result<RelightingMaps, FormatError>,
+) -> Result<PackedMaps, FormatError> {
+    // Maps and texels are in memory at once.
+    let maps = read(path, memory_limit / 2)?;
+    let (AssetHeader { width, height, model, packing }, _) = summarize(path)?;
+    let bytes: u64 = maps.planes.iter().map(|plane| plane.texels.bytes()).sum();
+    let mut level = Vec::with_capacity(bytes as usize);
+    for plane in maps.planes {
+        match plane.texels {
+            Texels::U8(codes) => level.extend(codes),
+            Texels::F16(halves) => level.extend(halves.iter().flat_map(|half| half.to_le_bytes())),
+            Texels::F32(floats) => level.extend(floats.iter().flat_map(|float| float.to_le_bytes())),
+        }
+    }
+    Ok(PackedMaps { width, height, model, packing, texels: vec![vec![level]] })
+}
+
+/// Sums of squared errors of runs, each with its first pixel: added up in the order of pixels, so
+/// that the figures don't depend on threads.
+#[derive(Debug, Default)]
+pub(super) struct StoringErrors(Mutex<Vec<(usize, Vec<f64>)>>);
+
+impl StoringErrors {
+    /// Takes the sums of the run that begins at pixel `first`, one a plane.
+    pub(super) fn add(&self, first: usize, sums: Vec<f64>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push((first, sums));
+    }
+
+    /// What storing `planes` planes of `pixels` pixels cost.
+    pub(super) fn report(self, planes: usize, pixels: usize) -> PackReport {
+        let mut runs = self.0.into_inner().unwrap_or_else(PoisonError::into_inner);
+        runs.sort_by_key(|(first, _)| *first);
+        let sum = |plane: usize| runs.iter().map(|(_, sums)| sums[plane]).sum::<f64>();
+        PackReport { rmse: (0..planes).map(|plane| (sum(plane) / pixels as f64).sqrt()).collect() }
+    }
+}

@@ -1,0 +1,12 @@
+//! Assets through files: round trips, other readers, golden bytes, mangled bytes.
+
+#![allow(clippy::unwrap_used, reason = "a test's helpers fail as the test does")]
+
+mod dds;
+mod files;
+mod ktx2;
+mod lopsided;
+mod mangled;
+mod planar;
+mod refusals;
+mod round_trips;
