@@ -96,7 +96,7 @@ impl Gpu {
     }
 
     fn of_adapter(adapter: Adapter) -> Result<Self, GpuError> {
-                let opened = pollster::block_on(adapter.request_device(&DeviceDescriptor {
+        let opened = pollster::block_on(adapter.request_device(&DeviceDescriptor {
             required_features: adapter.features() & Features::TEXTURE_COMPRESSION_BC,
             // Everything the adapter has: pictures beyond wgpu's portable 8192 and 256 layers.
             required_limits: adapter.limits(),

@@ -155,7 +155,9 @@ impl Input {
                 min_binding_size: None,
             },
             Self::Picture => texture(TextureSampleType::Uint, TextureViewDimension::D2),
-            Self::Array => texture(TextureSampleType::Float { filterable: false }, TextureViewDimension::D2Array),
+            Self::Array => {
+                texture(TextureSampleType::Float { filterable: false }, TextureViewDimension::D2Array)
+            }
         }
     }
 }
