@@ -5,9 +5,7 @@ mod block;
 mod packing;
 mod quantize;
 
-pub use block::{
-    BlockCoding, BlockFormat, Encoder, Quality, decode_blocks, decode_channel, encode_blocks,
-};
+pub use block::{BlockCoding, BlockFormat, Encoder, Quality, decode_blocks, decode_channel, encode_blocks};
 pub use packing::{
     ArrayPlan, LayerPlan, PackedMaps, Packing, TexelDomain, TexelFormat, Wrap, full_levels, level_size,
     planes_of_layers,

@@ -55,8 +55,8 @@ pub(super) static PARTITIONS: [u16; 32] = [
 
 /// The texel of the second line whose index is stored without its highest bit, which is 0.
 pub(super) static ANCHORS: [usize; 32] = [
-    15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 2, 8, 2, 2, 8, 8, 15, 2, 8, 2, 2, 8, 8,
-    2, 2,
+    15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 15, 2, 8, 2, 2, 8, 8, 15, 2, 8, 2, 2, 8,
+    8, 2, 2,
 ];
 
 impl Mode {
