@@ -90,12 +90,13 @@ pub(crate) fn write(source: &mut Source, model: &Model, layers: &Layers, maps_pe
         source.comment(&format!("The color under the light of `weights`, {}.", reads.about()));
         let parameters = parameters(layers, reads, &[weights_parameter()]);
         source.function(Type::Float3, reads.function(), &parameters, |source| {
-            let sum = sum_of(source, model, layers, Part::Light, reads, Visits::All);
+            let tables = Tables::in_reach(source, layers, true);
+            let sum = sum_of(source, model, layers, &tables, Part::Light, reads, Visits::All);
             match model.layout {
                 Layout::Rgb => source.line(&format!("return {sum};")),
                 Layout::Grey => source.line(&format!("return {};", all_channels(source, sum))),
                 Layout::Lrgb => {
-                    let base = sum_of(source, model, layers, Part::BaseColor, reads, Visits::All);
+                    let base = sum_of(source, model, layers, &tables, Part::BaseColor, reads, Visits::All);
                     source.line(&format!("return {sum} * {base};"));
                 }
             }
@@ -121,11 +122,40 @@ fn all_channels(source: &Source, value: &str) -> String {
     format!("{}({value}, {value}, {value})", source.word(Type::Float3))
 }
 
+/// The names under which a function reads what there is by layer.
+struct Tables {
+    weights: &'static str,
+    scales: &'static str,
+    biases: &'static str,
+    channels: &'static str,
+}
+
+impl Tables {
+    /// As they are, but in WGSL as local variables: a value that is indexed by a variable is copied
+    /// as a whole each time by naga, which made 25 layers forty times as slow.
+    fn in_reach(source: &mut Source, layers: &Layers, weighs: bool) -> Self {
+        if source.language != Language::Wgsl {
+            let (scales, biases, channels) = ("RELIGHT_SCALE", "RELIGHT_BIAS", "RELIGHT_CHANNEL");
+            return Self { weights: "weights", scales, biases, channels };
+        }
+        if weighs {
+            source.line("var layer_weights = weights;");
+        }
+        source.line("var scales = RELIGHT_SCALE;");
+        source.line("var biases = RELIGHT_BIAS;");
+        if layers.names_channels() {
+            source.line("var channels = RELIGHT_CHANNEL;");
+        }
+        Self { weights: "layer_weights", scales: "scales", biases: "biases", channels: "channels" }
+    }
+}
+
 /// Writes the sum over all layers of a part, by array, then layer, then channel; returns its name.
 fn sum_of(
     source: &mut Source,
     model: &Model,
     layers: &Layers,
+    tables: &Tables,
     part: Part,
     reads: Reads,
     visits: Visits,
@@ -150,25 +180,26 @@ fn sum_of(
                 (format!("max(first{shift}, {})", layers.start), format!("min(end{shift}, {})", layers.end))
             }
         };
-        source.each("layer", &first, &end, |source| add_layer(source, run, reads, name));
+        source.each("layer", &first, &end, |source| add_layer(source, run, tables, reads, name));
     }
     name
 }
 
 /// The body of the loop over a run's layers: the layer's products, added to `sum` one by one.
-fn add_layer(source: &mut Source, run: &Run, reads: Reads, sum: &str) {
+fn add_layer(source: &mut Source, run: &Run, tables: &Tables, reads: Reads, sum: &str) {
     let maps = format!("maps_{}", run.array);
     let layer =
         if run.array_start == 0 { "layer".to_owned() } else { format!("layer - {}", run.array_start) };
     source.value(Type::Float4, "q", &reads.read(source.language, &maps, &layer));
-    let coefficient = "RELIGHT_SCALE[layer] * q + RELIGHT_BIAS[layer]";
+    let Tables { weights, scales, biases, channels: ways } = tables;
+    let coefficient = format!("{scales}[layer] * q + {biases}[layer]");
     let product = match run.part {
-        Part::Light => format!("weights[layer] * ({coefficient})"),
-        Part::BaseColor => coefficient.to_owned(),
+        Part::Light => format!("{weights}[layer] * ({coefficient})"),
+        Part::BaseColor => coefficient,
     };
     source.value(Type::Float4, "p", &product);
     let channels = &["x", "y", "z", "w"];
-    let named = |channel: &&str| format!("relight_in_channel(p.{channel}, RELIGHT_CHANNEL[layer].{channel})");
+    let named = |channel: &&str| format!("relight_in_channel(p.{channel}, {ways}[layer].{channel})");
     let terms: Vec<String> = match run.route {
         Route::Luminance(planes) => channels[..planes].iter().map(|c| format!("p.{c}")).collect(),
         Route::Rgb => vec!["p.xyz".to_owned()],
@@ -211,7 +242,8 @@ fn passes(source: &mut Source, model: &Model, layers: &Layers, maps: usize) {
         source.function(Type::Float3, &name, &parameters, |source| {
             source.value(Type::Int, "first", "pass_index * RELIGHT_MAPS_PER_PASS");
             source.value(Type::Int, "end", "first + RELIGHT_MAPS_PER_PASS");
-            let sum = sum_of(source, model, layers, Part::Light, reads, Visits::FirstToEnd);
+            let tables = Tables::in_reach(source, layers, true);
+            let sum = sum_of(source, model, layers, &tables, Part::Light, reads, Visits::FirstToEnd);
             let sum = if sum == "luminance" { all_channels(source, sum) } else { sum.to_owned() };
             source.line(&format!("return {sum};"));
         });
@@ -220,7 +252,8 @@ fn passes(source: &mut Source, model: &Model, layers: &Layers, maps: usize) {
         source.comment(&format!("The color from the sum of all passes, {}.", reads.about()));
         let parameters = parameters(layers, reads, &[Parameter::value("sum", Type::Float3)]);
         source.function(Type::Float3, &format!("{}_finish", reads.function()), &parameters, |source| {
-            let base = sum_of(source, model, layers, Part::BaseColor, reads, Visits::All);
+            let tables = Tables::in_reach(source, layers, false);
+            let base = sum_of(source, model, layers, &tables, Part::BaseColor, reads, Visits::All);
             source.line(&format!("return sum * {base};"));
         });
     }

@@ -12,9 +12,7 @@ mod quantize;
 mod range;
 mod texels;
 
-pub use block::{
-    BlockCoding, BlockFormat, Encoder, Quality, decode_blocks, decode_channel, encode_blocks,
-};
+pub use block::{BlockCoding, BlockFormat, Encoder, Quality, decode_blocks, decode_channel, encode_blocks};
 pub use choice::{Budget, Candidate, ChoiceError, choose_formats};
 pub use cost::{error_ceilings, light_energy};
 pub use pack::{Coding, PackReport, Packer, Put, TexelPlace, held_bytes, span_pixels};

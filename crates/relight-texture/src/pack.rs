@@ -3,6 +3,7 @@
 //! It knows where a texel lies within its layer, not where layers lie in a file: that is the
 //! container's business. Working memory is a span a thread and, with mips, the planes of level 1.
 
+use crate::cost::mean_products;
 use crate::mips::MipFilter;
 use crate::texels::{Place, Row, TexelBuffer};
 use crate::{
@@ -52,6 +53,10 @@ pub struct PackReport {
     /// Root mean square error of the stored coefficients of each plane, in the order of
     /// [`Model::roles`], over all pixels of level 0.
     pub rmse: Vec<f64>,
+    /// Root mean square error that they make together in relit pictures, over the model's lights and
+    /// channels, from every 29th pixel. As for [`light_energy`](crate::light_energy), luminance and
+    /// base colour are taken for 1 where they multiply one another's errors.
+    pub relit_rmse: f64,
 }
 
 /// Takes runs of coefficients, in any order and from many threads, and hands texels on.
@@ -62,10 +67,12 @@ pub struct Packer {
     functions: usize,
     packing: Packing,
     coding: Coding,
+    /// Means over the lights of the products of functions, k x k.
+    products: Vec<f64>,
     written: AtomicUsize,
-    /// Sums of squared errors by plane of the runs so far, with each run's first pixel: added up
-    /// in the order of pixels, so that the figures don't depend on threads.
-    errors: Mutex<Vec<(usize, Vec<f64>)>>,
+    /// Errors of the runs so far, with each run's first pixel: added up in the order of pixels, so
+    /// that the figures don't depend on threads.
+    errors: Mutex<Vec<(usize, RunErrors)>>,
     /// Level 1, where there is one, channels interleaved as in the spans.
     halved: Option<Mutex<Vec<Vec<f32>>>>,
 }
@@ -109,6 +116,7 @@ impl Packer {
             functions: model.basis.count(),
             packing,
             coding,
+            products: mean_products(model),
             written: AtomicUsize::new(0),
             errors: Mutex::new(Vec::new()),
             halved,
@@ -132,7 +140,7 @@ impl Packer {
     /// be.
     pub fn write<E>(&self, span: &CoefficientSpan<'_>, put: Put<'_, E>) -> Result<(), E> {
         let planes = self.planes_of(span);
-        let mut errors = vec![0.0; planes.len()];
+        let mut errors: Vec<PlaneErrors> = vec![PlaneErrors::default(); planes.len()];
         let run = Run { planes: &planes, width: self.width, first: span.first, pixels: span.pixels };
         for layer in self.layers(0) {
             self.put_layer(&layer, &run, Some(&mut errors), put)?;
@@ -140,8 +148,13 @@ impl Packer {
         if let Some(halved) = &self.halved {
             self.add_to_level_1(halved, span);
         }
+        let of_run = RunErrors {
+            relit_square: self.relit_square(&errors),
+            seen: errors[0].seen.len(),
+            squares: errors.into_iter().map(|plane| plane.square).collect(),
+        };
         let mut all = self.errors.lock().unwrap_or_else(PoisonError::into_inner);
-        all.push((span.first, errors));
+        all.push((span.first, of_run));
         drop(all);
         self.written.fetch_add(span.pixels, Ordering::Relaxed);
         Ok(())
@@ -183,11 +196,34 @@ impl Packer {
         }
         let mut errors = std::mem::take(&mut *self.errors.lock().unwrap_or_else(PoisonError::into_inner));
         errors.sort_by_key(|(first, _)| *first);
-        let planes = errors.first().map_or(0, |(_, sums)| sums.len());
+        let runs = || errors.iter().map(|(_, run)| run);
+        let planes = errors.first().map_or(0, |(_, run)| run.squares.len());
         let rmse = (0..planes)
-            .map(|plane| (errors.iter().map(|(_, sums)| sums[plane]).sum::<f64>() / pixels as f64).sqrt())
+            .map(|plane| (runs().map(|run| run.squares[plane]).sum::<f64>() / pixels as f64).sqrt())
             .collect();
-        Ok(PackReport { rmse })
+        let seen = runs().map(|run| run.seen).sum::<usize>().max(1);
+        let relit_rmse = (runs().map(|run| run.relit_square).sum::<f64>() / seen as f64).sqrt();
+        Ok(PackReport { rmse, relit_rmse })
+    }
+
+    /// Sum over the pixels that were seen of the squared error of their relit samples, a mean over
+    /// lights and channels.
+    fn relit_square(&self, errors: &[PlaneErrors]) -> f64 {
+        let stride = self.layout.planes_per_function();
+        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+        let mut sum = 0.0;
+        for channel in 0..stride {
+            for f in 0..self.functions {
+                for g in 0..=f {
+                    let [a, b] = [f, g].map(|function| &errors[function * stride + channel].seen);
+                    let twice = if f == g { 1.0 } else { 2.0 };
+                    sum += twice * self.products[f * self.functions + g] * dot(a, b);
+                }
+            }
+        }
+        let base: f64 =
+            errors[self.functions * stride..].iter().map(|plane| dot(&plane.seen, &plane.seen)).sum();
+        sum / stride as f64 + base / 3.0
     }
 
     /// The layers of all arrays at mip level `level`.
@@ -225,7 +261,7 @@ impl Packer {
         &self,
         layer: &Layer<'_>,
         run: &Run<'_>,
-        errors: Option<&mut [f64]>,
+        errors: Option<&mut [PlaneErrors]>,
         put: Put<'_, E>,
     ) -> Result<(), E> {
         match layer.format {
@@ -241,7 +277,7 @@ impl Packer {
         layer: &Layer<'_>,
         (precision, channels): (Precision, usize),
         run: &Run<'_>,
-        mut errors: Option<&mut [f64]>,
+        mut errors: Option<&mut [PlaneErrors]>,
         put: Put<'_, E>,
     ) -> Result<(), E> {
         let LayerPlan { planes, quantizers } = layer.plan;
@@ -255,18 +291,20 @@ impl Packer {
             if let Some(errors) = errors.as_deref_mut() {
                 for (channel, row) in rows.iter().enumerate() {
                     let texels = bytes[channel * precision.bytes()..].chunks(texel_bytes);
-                    errors[planes[channel]] += match precision {
+                    let errors = &mut errors[planes[channel]];
+                    match precision {
                         Precision::U8 => {
                             let values = texels.map(|texel| f32::from(texel[0]) / 255.0);
-                            squared_error(*row, values, quantizers[channel])
+                            errors.add(first, *row, values, quantizers[channel]);
                         }
                         Precision::F16 => {
                             let values =
                                 texels.map(|texel| f16::from_le_bytes([texel[0], texel[1]]).to_f32());
-                            squared_error(*row, values, quantizers[channel])
+                            errors.add(first, *row, values, quantizers[channel]);
                         }
-                        Precision::F32 => 0.0,
-                    };
+                        // Exact but for the rounding of f32 itself.
+                        Precision::F32 => errors.add(first, *row, row.iter(), AS_IT_IS),
+                    }
                 }
             }
             put(TexelPlace { offset: (first * texel_bytes) as u64, ..layer.place }, bytes)?;
@@ -279,7 +317,7 @@ impl Packer {
         layer: &Layer<'_>,
         format: BlockFormat,
         run: &Run<'_>,
-        mut errors: Option<&mut [f64]>,
+        mut errors: Option<&mut [PlaneErrors]>,
         put: Put<'_, E>,
     ) -> Result<(), E> {
         let LayerPlan { planes, quantizers } = layer.plan;
@@ -310,7 +348,7 @@ impl Packer {
                 decode_blocks(format, &blocks, width, &mut decoded);
                 for (channel, row) in rows.iter().enumerate() {
                     let values = decoded[channel..].iter().step_by(channels).copied();
-                    errors[planes[channel]] += squared_error(*row, values, quantizers[channel]);
+                    errors[planes[channel]].add(run.first + start, *row, values, quantizers[channel]);
                 }
             }
             let offset = ((run.first + start) / width / 4) as u64 * row_bytes;
@@ -375,8 +413,44 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Sum of squared differences between coefficients and what their texels give back.
-fn squared_error(row: Row<'_>, texels: impl Iterator<Item = f32>, quantizer: Quantizer) -> f64 {
-    let (scale, bias) = (quantizer.scale, quantizer.bias);
-    row.iter().zip(texels).map(|(c, q)| f64::from(scale * q + bias - c)).map(|d| d * d).sum()
+/// Coefficients that are stored as they are.
+const AS_IT_IS: Quantizer = Quantizer { scale: 1.0, bias: 0.0 };
+
+/// One pixel of so many is looked at for what errors of several planes do together: no multiple of the
+/// widths of blocks and of most pictures, so that every place in a block has its turn.
+const SEEN: usize = 29;
+
+/// Errors of a plane in a run.
+#[derive(Clone, Default)]
+struct PlaneErrors {
+    /// Sum of squares over all pixels.
+    square: f64,
+    /// Those of every [`SEEN`]th pixel.
+    seen: Vec<f32>,
+}
+
+/// Errors of a run.
+struct RunErrors {
+    /// By plane, the sum of squares.
+    squares: Vec<f64>,
+    /// As of [`Packer::relit_square`], over `seen` pixels.
+    relit_square: f64,
+    seen: usize,
+}
+
+impl PlaneErrors {
+    /// Adds the differences between coefficients, from pixel `first` on, and what their texels give
+    /// back.
+    fn add(&mut self, first: usize, row: Row<'_>, texels: impl Iterator<Item = f32>, quantizer: Quantizer) {
+        let Quantizer { scale, bias } = quantizer;
+        let mut next = first.next_multiple_of(SEEN) - first;
+        for (i, (c, q)) in row.iter().zip(texels).enumerate() {
+            let error = scale * q + bias - c;
+            self.square += f64::from(error) * f64::from(error);
+            if i == next {
+                self.seen.push(error);
+                next += SEEN;
+            }
+        }
+    }
 }

@@ -1,0 +1,80 @@
+//! Packed maps as textures.
+
+use crate::texels::{LayerPlace, layer_bytes};
+use crate::texture_format::texture_format;
+use crate::{Gpu, GpuError};
+use relight_texture::{PackedMaps, TexelFormat, level_size};
+use std::ops::Range;
+use wgpu::{
+    Extent3d, Origin3d, TexelCopyBufferLayout, TexelCopyTextureInfo, TextureAspect, TextureDescriptor,
+    TextureDimension, TextureUsages, TextureView, TextureViewDescriptor, TextureViewDimension,
+};
+
+/// The arrays of `maps` as array textures with all their levels, in order.
+///
+/// # Errors
+/// [`GpuError::TooLarge`], [`GpuError::OutOfMemory`] and what else the driver says.
+pub(crate) fn upload(gpu: &Gpu, maps: &PackedMaps) -> Result<Vec<TextureView>, GpuError> {
+    let arrays = maps.packing.arrays.iter().enumerate();
+    arrays.map(|(array, plan)| upload_array(gpu, maps, array, 0..plan.layers.len())).collect()
+}
+
+/// Some layers of an array as an array texture with all their levels.
+pub(crate) fn upload_array(
+    gpu: &Gpu,
+    maps: &PackedMaps,
+    array: usize,
+    layers: Range<usize>,
+) -> Result<TextureView, GpuError> {
+    let plan = &maps.packing.arrays[array];
+    let limit = gpu.device.limits().max_texture_dimension_2d as usize;
+    if maps.width.max(maps.height).next_multiple_of(plan.format.unit_size()) > limit {
+        return Err(GpuError::TooLarge { width: maps.width, height: maps.height, limit });
+    }
+    let texture = gpu.device.create_texture(&TextureDescriptor {
+        label: Some("maps"),
+        // Whole blocks, as wgpu wants level 0 to be; the true texels lie in the upper left.
+        size: extent(whole_units(plan.format, maps.width, maps.height), layers.len()),
+        mip_level_count: maps.packing.levels as u32,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format: texture_format(plan.format),
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    gpu.check()?;
+    for level in 0..maps.packing.levels {
+        let (width, height) = (level_size(maps.width, level), level_size(maps.height, level));
+        for (to_layer, layer) in layers.clone().enumerate() {
+            let to = TexelCopyTextureInfo {
+                texture: &texture,
+                mip_level: level as u32,
+                origin: Origin3d { x: 0, y: 0, z: to_layer as u32 },
+                aspect: TextureAspect::All,
+            };
+            let layout = TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(plan.format.row_bytes(width) as u32),
+                rows_per_image: None,
+            };
+            let bytes = layer_bytes(maps, LayerPlace { array, layer, level });
+            gpu.queue.write_texture(to, bytes, layout, extent(whole_units(plan.format, width, height), 1));
+        }
+        // Staged bytes are let go level by level rather than all at the first draw.
+        gpu.queue.submit([]);
+    }
+    gpu.check()?;
+    Ok(texture.create_view(&TextureViewDescriptor {
+        dimension: Some(TextureViewDimension::D2Array),
+        ..TextureViewDescriptor::default()
+    }))
+}
+
+fn whole_units(format: TexelFormat, width: usize, height: usize) -> (usize, usize) {
+    let unit = format.unit_size();
+    (width.next_multiple_of(unit), height.next_multiple_of(unit))
+}
+
+fn extent((width, height): (usize, usize), layers: usize) -> Extent3d {
+    Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: layers as u32 }
+}
