@@ -124,3 +124,14 @@ impl From<BasisError> for Failure {
         Self::usage(words(&error))
     }
 }
+
+#[cfg(feature = "gpu")]
+impl From<relight_gpu::GpuError> for Failure {
+    fn from(error: relight_gpu::GpuError) -> Self {
+        let exit = match error {
+            relight_gpu::GpuError::OutOfMemory => Exit::OverBudget,
+            _ => Exit::Unsupported,
+        };
+        Self::new(exit, words(&error))
+    }
+}

@@ -13,10 +13,14 @@ mod job;
 mod lights;
 mod notes;
 mod options;
+#[cfg(feature = "gpu")]
+mod preview;
 mod progress;
 mod render;
 mod say;
 mod shader;
+#[cfg(feature = "gpu")]
+mod verify;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
@@ -42,6 +46,12 @@ enum Command {
     Lights(lights::LightsArguments),
     /// Write a shader include that lights an asset, in WGSL, GLSL or HLSL
     Shader(shader::ShaderArguments),
+    /// Draw an asset on the GPU and compare with the CPU's pictures
+    #[cfg(feature = "gpu")]
+    Verify(verify::VerifyArguments),
+    /// Show an asset in a window; dragging moves the light
+    #[cfg(feature = "gpu")]
+    Preview(preview::PreviewArguments),
     /// Say what is in a file that relight reads or writes
     Info(info::InfoArguments),
 }
@@ -64,6 +74,10 @@ fn main() -> ExitCode {
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Lights(arguments) => lights::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
+        #[cfg(feature = "gpu")]
+        Command::Verify(arguments) => verify::run(&arguments),
+        #[cfg(feature = "gpu")]
+        Command::Preview(arguments) => preview::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
     });
     match result.map(|result| result.and_then(|()| say::finish())) {

@@ -1,12 +1,13 @@
 //! The adapter and its device.
 
 use crate::GpuError;
+use std::fmt::Debug;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
-use wgpu::rwh::HasDisplayHandle;
+use wgpu::rwh::{HasDisplayHandle, HasWindowHandle};
 use wgpu::{
     Adapter, Backends, CommandBuffer, Device, DeviceDescriptor, DeviceType, Features, Instance,
-    InstanceDescriptor, InstanceFlags, PollType, Queue, Surface, SurfaceTarget,
+    InstanceDescriptor, InstanceFlags, PollType, Queue, Surface,
 };
 
 /// The interface through which an adapter is reached.
@@ -66,23 +67,22 @@ impl Gpu {
         Err(GpuError::NoAdapter { backend, window: false })
     }
 
-    /// Opens the fastest adapter of `backend` that draws into `window`. `display` is the window
-    /// system's, which OpenGL wants to know first.
+    /// Opens the fastest adapter of `backend` that draws into `window`.
     ///
     /// # Errors
     /// As [`Gpu::open`], and [`GpuError::Window`] when the window has no surface.
     pub(crate) fn open_for_window<W>(
         backend: Backend,
-        display: impl HasDisplayHandle + std::fmt::Debug + Clone + Send + Sync + 'static,
-        window: W,
+        window: &Arc<W>,
     ) -> Result<(Self, Surface<'static>), GpuError>
     where
-        W: Into<SurfaceTarget<'static>> + Clone,
+        W: HasWindowHandle + HasDisplayHandle + Debug + Send + Sync + 'static,
     {
         let mut refused = GpuError::NoAdapter { backend, window: true };
         for &backends in backend.attempts() {
-            let instance = Instance::new(descriptor(backends).with_display_handle(Box::new(display.clone())));
-            match instance.create_surface(window.clone()) {
+            let instance =
+                Instance::new(descriptor(backends).with_display_handle(Box::new(Arc::clone(window))));
+            match instance.create_surface(Arc::clone(window)) {
                 Err(error) => refused = GpuError::Window { reason: error.to_string() },
                 Ok(surface) => {
                     if let Some(adapter) = best_adapter(&instance, backends, Some(&surface)) {

@@ -31,10 +31,12 @@ pub(crate) fn upload_array(
     if maps.width.max(maps.height).next_multiple_of(plan.format.unit_size()) > limit {
         return Err(GpuError::TooLarge { width: maps.width, height: maps.height, limit });
     }
+    // wgpu's OpenGL makes a plain texture of an array of one layer, which array samplers don't read.
+    let single = layers.len() == 1 && gpu.adapter.get_info().backend == wgpu::Backend::Gl;
     let texture = gpu.device.create_texture(&TextureDescriptor {
         label: Some("maps"),
         // Whole blocks, as wgpu wants level 0 to be; the true texels lie in the upper left.
-        size: extent(whole_units(plan.format, maps.width, maps.height), layers.len()),
+        size: extent(whole_units(plan.format, maps.width, maps.height), layers.len() + usize::from(single)),
         mip_level_count: maps.packing.levels as u32,
         sample_count: 1,
         dimension: TextureDimension::D2,

@@ -4,10 +4,12 @@ use crate::picture::GpuPicture;
 use crate::program::{Input, Program, numbers};
 use crate::{Backend, Gpu, GpuError};
 use relight_core::Space;
-use wgpu::rwh::HasDisplayHandle;
+use std::fmt::Debug;
+use std::sync::Arc;
+use wgpu::rwh::{HasDisplayHandle, HasWindowHandle};
 use wgpu::{
     Buffer, CommandEncoderDescriptor, CurrentSurfaceTexture, PresentMode, Surface, SurfaceConfiguration,
-    SurfaceTarget, TextureViewDescriptor,
+    TextureViewDescriptor,
 };
 
 /// A window's surface and what draws pictures into it.
@@ -80,20 +82,15 @@ fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
 
 impl GpuWindow {
     /// Opens the fastest adapter that draws into `window`, which is `width` x `height` physical
-    /// pixels. `display` is the window system's.
+    /// pixels.
     ///
     /// # Errors
     /// [`GpuError::NoAdapter`], [`GpuError::Window`] and what else the driver says.
-    pub fn open<W>(
-        backend: Backend,
-        display: impl HasDisplayHandle + std::fmt::Debug + Clone + Send + Sync + 'static,
-        window: W,
-        (width, height): (u32, u32),
-    ) -> Result<Self, GpuError>
+    pub fn open<W>(backend: Backend, window: &Arc<W>, (width, height): (u32, u32)) -> Result<Self, GpuError>
     where
-        W: Into<SurfaceTarget<'static>> + Clone,
+        W: HasWindowHandle + HasDisplayHandle + Debug + Send + Sync + 'static,
     {
-        let (gpu, surface) = Gpu::open_for_window(backend, display, window)?;
+        let (gpu, surface) = Gpu::open_for_window(backend, window)?;
         let nothing = || GpuError::Window { reason: "its surface has no formats".to_owned() };
         let mut configuration =
             surface.get_default_config(&gpu.adapter, width.max(1), height.max(1)).ok_or_else(nothing)?;
