@@ -8,11 +8,17 @@
 use nix::sys::resource::{UsageWho, getrusage};
 use relight_core::weighted_sums::{Rows, weighted_sums};
 use relight_core::{CpuLevel, Design, Family, Layout, Model, Space, Stack};
-use relight_fit::{LeastSquares, LightWeights, Ridge, Sample, coefficient_ranges, for_each_span};
-use relight_formats::{
-    AssetFormat, AssetHeader, FormatError, OutputFile, PictureStack, StackSettings, open_capture,
+use relight_fit::{
+    FitError, LeastSquares, LightWeights, Ridge, SPAN, Sample, coefficient_distributions, for_each_span,
 };
-use relight_texture::Precision;
+use relight_formats::{
+    AssetFormat, AssetHeader, FormatError, OutputFile, PictureStack, StackSettings, WriteSettings,
+    open_capture,
+};
+use relight_texture::{
+    ArrayPlan, Coding, LayerPlan, Packing, Precision, RangeRule, Wrap, choose_range, error_ceilings,
+    planes_of_layers,
+};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::AtomicBool;
@@ -129,22 +135,35 @@ fn stages(set: &Path, family: &str, count: usize) {
     let (rebin, ()) = timed(|| rebin_only(&stack));
     let layout = if stack.channels() == 3 { Layout::Rgb } else { Layout::Grey };
     let (once, ()) = timed(|| {
-        for_each_span(&stack, &fit, layout, level, |_| Ok::<(), relight_fit::FitError>(())).expect("a fit")
+        for_each_span(&stack, &fit, layout, level, SPAN, |_| Ok::<(), FitError>(())).expect("a fit")
     });
-    let (ranged, ranges) = timed(|| {
-        coefficient_ranges(&stack, &fit, layout, level, || Ok::<(), relight_fit::FitError>(()))
-            .expect("ranges")
+    let (ranged, distributions) = timed(|| {
+        coefficient_distributions(&stack, &fit, layout, level, || Ok::<(), FitError>(())).expect("ranges")
     });
     let path = folder.join("relight-bench-stages.ktx2");
     let model =
         Model { basis: fit.basis.clone(), layout, space: Space::Encoded, lights: directions, figures: None };
-    let header =
-        AssetHeader { width: stack.width(), height: stack.height(), model, precision: Precision::U8 };
     let format = AssetFormat::by_path(&path).expect("ktx2");
+    let texels = format.plain_format(layout, Precision::U8);
+    let (chosen, quantizers) = timed(|| {
+        let choose = |(distribution, ceiling)| {
+            choose_range(distribution, texels, RangeRule::MinError, ceiling).expect("a range").quantizer
+        };
+        distributions.iter().zip(error_ceilings(&model)).map(choose).collect::<Vec<_>>()
+    });
+    let layers = planes_of_layers(&model, texels)
+        .into_iter()
+        .map(|planes| LayerPlan { quantizers: planes.iter().map(|&p| quantizers[p]).collect(), planes })
+        .collect();
+    let packing =
+        Packing { arrays: vec![ArrayPlan { format: texels, layers }], levels: 1, wrap: Wrap::Clamp };
+    let header = AssetHeader { width: stack.width(), height: stack.height(), model, packing };
+    let settings =
+        WriteSettings { coding: Coding::default(), zstd: None, split: false, memory_limit: 1 << 30 };
     let (written, ()) = timed(|| {
-        let writer = format.create(&path, header, &ranges, 1 << 30).expect("a writer");
-        for_each_span(&stack, &fit, layout, level, |span| {
-            writer.write(span).map_err(|_| relight_fit::FitError::NoLights)
+        let writer = format.create(&path, header, &settings).expect("a writer");
+        for_each_span(&stack, &fit, layout, level, SPAN, |span| {
+            writer.write(span).map_err(|_| FitError::NoLights)
         })
         .expect("a fit");
         writer.finish().expect("a file");
@@ -158,7 +177,7 @@ fn stages(set: &Path, family: &str, count: usize) {
         once - rebin
     );
     println!(
-        "  find ranges {:.3}, quantise {:.3}, write {bytes_only:.3} ({} MB)",
+        "  distributions {:.3}, choose ranges {chosen:.3}, quantise {:.3}, write {bytes_only:.3} ({} MB)",
         ranged - once,
         written - once - bytes_only,
         size / 1_000_000

@@ -14,8 +14,8 @@ mod samples;
 mod stack;
 
 pub use asset::{
-    AssetFormat, AssetHeader, AssetPlan, AssetWriter, WriteSettings, describe_asset, plane_names,
-    read_asset, read_packed, summarize_asset,
+    AssetFormat, AssetHeader, AssetPlan, AssetWriter, WriteSettings, describe_asset, plane_names, read_asset,
+    read_packed, summarize_asset,
 };
 pub use capture_folder::{OpenCapture, open_capture};
 pub use describe::describe;

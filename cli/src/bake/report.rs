@@ -55,7 +55,7 @@ impl Summary<'_> {
             "error of the fit {:.4}, of predicting each light from the others {:.4}, of storing {:.4}{worst} (rms, 0..1)",
             fit.figures.fit_rmse,
             fit.figures.leave_one_out_rmse,
-            total(&costs),
+            self.packed.relit_rmse,
         );
         if let Some(judged) = self.judged {
             say!("held out, {} pictures: {}", judged.pictures.len(), judged.mean_words());
@@ -110,7 +110,7 @@ impl Summary<'_> {
             "layers": packing.layers(),
             "levels": packing.levels,
             "bits_per_pixel": packing.bits_per_pixel(),
-            "relit_rmse": total(&costs),
+            "relit_rmse": self.packed.relit_rmse,
             "maps": maps,
         })
     }
@@ -162,11 +162,6 @@ impl Summary<'_> {
         });
         format!("{report:#}\n")
     }
-}
-
-/// Root mean square error of relit pictures by all planes together: their errors are independent.
-fn total(costs: &[PlaneCost]) -> f64 {
-    costs.iter().map(|cost| cost.relit_rmse * cost.relit_rmse).sum::<f64>().sqrt()
 }
 
 /// JSON has no infinity: `null` stands for it.

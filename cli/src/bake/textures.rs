@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use relight_core::{CoefficientDistribution, CoefficientSample, CoefficientSpan, Layout, Model};
 use relight_formats::{AssetFormat, WriteSettings, plane_names};
 use relight_texture::{
-    ArrayPlan, BlockCoding, BlockFormat, Budget, Candidate, Coding, Encoder, LayerPlan, Packer, Packing,
-    Precision, Quality, Quantizer, RangeChoice, RangeRule, TexelFormat, Wrap, choose_formats, choose_range,
-    error_ceilings, full_levels, light_energy, planes_of_layers,
+    ArrayPlan, BlockCoding, BlockFormat, Budget, Candidate, ChoiceError, Coding, Encoder, LayerPlan,
+    PackReport, Packer, Packing, Precision, Quality, Quantizer, RangeChoice, RangeRule, TexelFormat, Wrap,
+    choose_formats, choose_range, error_ceilings, full_levels, light_energy, planes_of_layers,
 };
 
 /// How coefficients become textures.
@@ -117,7 +117,13 @@ pub(super) const TRIAL_BLOCKS: usize = 1024;
 const TRIAL_ROW: usize = 32;
 
 /// What `auto` may cost on its own, in dB of the mean PSNR over lights.
-const AUTO_LOSS: f64 = 0.3;
+const AUTO_LOSS: f64 = 0.2;
+
+/// Each time that what was chosen costs too much, so much less is allowed ..
+const SHARE_STEP: f64 = 0.7;
+
+/// .. down to this.
+const SMALLEST_SHARE: f64 = 0.01;
 
 /// Coefficients are stored as they are.
 const AS_IT_IS: RangeChoice =
@@ -279,7 +285,8 @@ impl TextureOptions {
                     levels: 1,
                     wrap: Wrap::Clamp,
                 };
-                Ok(squared_errors(model, packing, coding, &trial.sample))
+                let report = packed_sample(model, packing, coding, &trial.sample);
+                Ok(report.rmse.into_iter().map(|rmse| rmse * rmse).collect())
             })
             .collect::<Result<_, Failure>>()?;
         let maps = maps_of(model);
@@ -295,23 +302,41 @@ impl TextureOptions {
                 formats.iter().zip(&errors).filter(|(format, _)| fitting(format)).map(of).collect()
             })
             .collect();
-        let budget = match self.bits_per_pixel {
-            Some(bits) => Budget::BitsPerPixel(bits),
-            None => Budget::Error(affordable_error(&trial.left_out, AUTO_LOSS)),
-        };
-        let chosen = choose_formats(&candidates, budget)
-            .map_err(|error| Failure::new(Exit::OverBudget, format!("--bits-per-pixel: {error}")))?;
-        let mut arrays: Vec<ArrayLayers> = formats.iter().map(|&format| (format, Vec::new())).collect();
-        for ((planes, candidates), index) in maps.into_iter().zip(&candidates).zip(chosen) {
-            let format = candidates[index].format;
-            for (array, layers) in &mut arrays {
-                if *array == format {
+        let arrays_of = |budget| {
+            let chosen = choose_formats(&candidates, budget)?;
+            let mut arrays: Vec<ArrayLayers> = formats.iter().map(|&format| (format, Vec::new())).collect();
+            for ((planes, candidates), index) in maps.iter().zip(&candidates).zip(chosen) {
+                let format = candidates[index].format;
+                for (_, layers) in arrays.iter_mut().filter(|(array, _)| *array == format) {
                     layers.push(planes.clone());
                 }
             }
+            arrays.retain(|(_, layers)| !layers.is_empty());
+            Ok(arrays)
+        };
+        let impossible =
+            |error: ChoiceError| Failure::new(Exit::OverBudget, format!("--bits-per-pixel: {error}"));
+        if let Some(bits) = self.bits_per_pixel {
+            return arrays_of(Budget::BitsPerPixel(bits)).map_err(impossible);
         }
-        arrays.retain(|(_, layers)| !layers.is_empty());
-        Ok(arrays)
+        // Candidates' errors add up as if those of different maps were independent. They are not
+        // quite: what is chosen is tried as a whole, and less is allowed until it fits.
+        let affordable = affordable_error(&trial.left_out, AUTO_LOSS);
+        let mut allowed = affordable;
+        loop {
+            let arrays = arrays_of(Budget::Error(allowed)).map_err(impossible)?;
+            let mut packed = Vec::new();
+            for (format, layers) in &arrays {
+                let ranges = self.ranges(model, *format, distributions)?;
+                packed.push(array(*format, layers.clone(), &ranges));
+            }
+            let packing = Packing { arrays: packed, levels: 1, wrap: Wrap::Clamp };
+            let relit_rmse = packed_sample(model, packing, coding, &trial.sample).relit_rmse;
+            if relit_rmse * relit_rmse <= affordable || allowed < affordable * SMALLEST_SHARE {
+                return Ok(arrays);
+            }
+            allowed *= SHARE_STEP;
+        }
     }
 }
 
@@ -358,8 +383,8 @@ fn affordable_error(left_out: &[f64], loss: f64) -> f64 {
     low.max(rounding)
 }
 
-/// Mean squared error of each plane's coefficients when the sample is packed.
-fn squared_errors(model: &Model, packing: Packing, coding: Coding, sample: &CoefficientSample) -> Vec<f64> {
+/// What storing the sample costs.
+fn packed_sample(model: &Model, packing: Packing, coding: Coding, sample: &CoefficientSample) -> PackReport {
     let stride = model.layout.planes_per_function();
     let (width, rows) = (4 * TRIAL_ROW, sample.blocks.div_ceil(TRIAL_ROW));
     let packer = Packer::new(width, 4 * rows, model, packing, coding);
@@ -389,7 +414,7 @@ fn squared_errors(model: &Model, packing: Packing, coding: Coding, sample: &Coef
         written.unwrap_or_else(|never| match never {});
     });
     let report: Result<_, std::convert::Infallible> = packer.finish(&|_, _| Ok(()));
-    report.unwrap_or_else(|never| match never {}).rmse.into_iter().map(|rmse| rmse * rmse).collect()
+    report.unwrap_or_else(|never| match never {})
 }
 
 #[cfg(test)]

@@ -16,10 +16,10 @@ const LIGHTS: usize = 256;
 /// multiply a luminance that is taken for white, 1, in one of three channels. So LRGB is overestimated,
 /// by as much as its picture is darker and more colourful than that.
 ///
-/// Errors of different planes are independent, so their squares add up:
-/// relit error = sqrt(sum of energy x mean squared error).
+/// The squares add up to that of all planes where their errors are independent. Those of blocks are not
+/// quite: [`PackReport::relit_rmse`](crate::PackReport) holds what they do together.
 pub fn light_energy(model: &Model) -> Vec<f64> {
-    let squares = mean_squares(model);
+    let squares = squares_of(model);
     let channels = model.channels() as f64;
     let energy = |role| match role {
         PlaneRole::Coefficient { functions } => {
@@ -37,7 +37,7 @@ pub fn light_energy(model: &Model) -> Vec<f64> {
 /// Linear pictures may go on above white. There, too, a highlight counts for no more than white,
 /// where it is one of few ([`choose_range`](crate::choose_range) says of how few).
 pub fn error_ceilings(model: &Model) -> Vec<f64> {
-    let squares = mean_squares(model);
+    let squares = squares_of(model);
     let ceiling = |role| match role {
         PlaneRole::Coefficient { functions } => {
             let squares = functions.into_iter().flatten().map(|f| squares[usize::from(f)]);
@@ -49,7 +49,14 @@ pub fn error_ceilings(model: &Model) -> Vec<f64> {
 }
 
 /// The mean over the lights of each function's square.
-fn mean_squares(model: &Model) -> Vec<f64> {
+fn squares_of(model: &Model) -> Vec<f64> {
+    let functions = model.basis.count();
+    mean_products(model).into_iter().step_by(functions + 1).collect()
+}
+
+/// The mean over the lights of the products of the functions, k x k: the mean squared error of a relit
+/// sample is e^T M e of its coefficients' errors e.
+pub(crate) fn mean_products(model: &Model) -> Vec<f64> {
     let hemisphere;
     let lights = match model.lights.as_slice() {
         [] => {
@@ -58,13 +65,16 @@ fn mean_squares(model: &Model) -> Vec<f64> {
         }
         lights => lights,
     };
-    let mut functions = vec![0.0; model.basis.count()];
-    let mut squares = vec![0.0; functions.len()];
+    let count = model.basis.count();
+    let mut functions = vec![0.0; count];
+    let mut products = vec![0.0; count * count];
     for light in lights {
         model.basis.evaluate(*light, &mut functions);
-        for (square, function) in squares.iter_mut().zip(&functions) {
-            *square += function * function / lights.len() as f64;
+        for (a, row) in functions.iter().zip(products.chunks_exact_mut(count)) {
+            for (product, b) in row.iter_mut().zip(&functions) {
+                *product += a * b / lights.len() as f64;
+            }
         }
     }
-    squares
+    products
 }

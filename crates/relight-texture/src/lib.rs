@@ -10,17 +10,17 @@ mod pack;
 mod packing;
 mod quantize;
 mod range;
+mod storing;
 mod texels;
 
-pub use block::{
-    BlockCoding, BlockFormat, Encoder, Quality, decode_blocks, decode_channel, encode_blocks,
-};
+pub use block::{BlockCoding, BlockFormat, Encoder, Quality, decode_blocks, decode_channel, encode_blocks};
 pub use choice::{Budget, Candidate, ChoiceError, choose_formats};
 pub use cost::{error_ceilings, light_energy};
-pub use pack::{Coding, PackReport, Packer, Put, TexelPlace, held_bytes, span_pixels};
+pub use pack::{Coding, Packer, Put, TexelPlace, held_bytes, span_pixels};
 pub use packing::{
     ArrayPlan, LayerPlan, PackedMaps, Packing, TexelDomain, TexelFormat, Wrap, full_levels, level_size,
     needs_rows, planes_of_layers,
 };
 pub use quantize::{Precision, Quantizer};
 pub use range::{NotFinite, RangeChoice, RangeRule, choose_range};
+pub use storing::{PackReport, PlaneErrors, StoringErrors};

@@ -4,6 +4,7 @@
 //! container's business. Working memory is a span a thread and, with mips, the planes of level 1.
 
 use crate::mips::MipFilter;
+use crate::storing::{PackReport, PlaneErrors, StoringErrors};
 use crate::texels::{Place, Row, TexelBuffer};
 use crate::{
     ArrayPlan, BlockCoding, BlockFormat, LayerPlan, Packing, Precision, Quantizer, TexelFormat,
@@ -46,14 +47,6 @@ pub struct TexelPlace {
 /// Takes the bytes of a place, from any thread.
 pub type Put<'a, E> = &'a (dyn Fn(TexelPlace, &[u8]) -> Result<(), E> + Sync);
 
-/// What storing cost.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PackReport {
-    /// Root mean square error of the stored coefficients of each plane, in the order of
-    /// [`Model::roles`], over all pixels of level 0.
-    pub rmse: Vec<f64>,
-}
-
 /// Takes runs of coefficients, in any order and from many threads, and hands texels on.
 pub struct Packer {
     width: usize,
@@ -63,9 +56,7 @@ pub struct Packer {
     packing: Packing,
     coding: Coding,
     written: AtomicUsize,
-    /// Sums of squared errors by plane of the runs so far, with each run's first pixel: added up
-    /// in the order of pixels, so that the figures don't depend on threads.
-    errors: Mutex<Vec<(usize, Vec<f64>)>>,
+    errors: StoringErrors,
     /// Level 1, where there is one, channels interleaved as in the spans.
     halved: Option<Mutex<Vec<Vec<f32>>>>,
 }
@@ -110,7 +101,7 @@ impl Packer {
             packing,
             coding,
             written: AtomicUsize::new(0),
-            errors: Mutex::new(Vec::new()),
+            errors: StoringErrors::new(model),
             halved,
         }
     }
@@ -132,7 +123,7 @@ impl Packer {
     /// be.
     pub fn write<E>(&self, span: &CoefficientSpan<'_>, put: Put<'_, E>) -> Result<(), E> {
         let planes = self.planes_of(span);
-        let mut errors = vec![0.0; planes.len()];
+        let mut errors: Vec<PlaneErrors> = vec![PlaneErrors::default(); planes.len()];
         let run = Run { planes: &planes, width: self.width, first: span.first, pixels: span.pixels };
         for layer in self.layers(0) {
             self.put_layer(&layer, &run, Some(&mut errors), put)?;
@@ -140,9 +131,7 @@ impl Packer {
         if let Some(halved) = &self.halved {
             self.add_to_level_1(halved, span);
         }
-        let mut all = self.errors.lock().unwrap_or_else(PoisonError::into_inner);
-        all.push((span.first, errors));
-        drop(all);
+        self.errors.add(span.first, errors);
         self.written.fetch_add(span.pixels, Ordering::Relaxed);
         Ok(())
     }
@@ -181,13 +170,7 @@ impl Packer {
                 });
             }
         }
-        let mut errors = std::mem::take(&mut *self.errors.lock().unwrap_or_else(PoisonError::into_inner));
-        errors.sort_by_key(|(first, _)| *first);
-        let planes = errors.first().map_or(0, |(_, sums)| sums.len());
-        let rmse = (0..planes)
-            .map(|plane| (errors.iter().map(|(_, sums)| sums[plane]).sum::<f64>() / pixels as f64).sqrt())
-            .collect();
-        Ok(PackReport { rmse })
+        Ok(self.errors.report(pixels))
     }
 
     /// The layers of all arrays at mip level `level`.
@@ -225,7 +208,7 @@ impl Packer {
         &self,
         layer: &Layer<'_>,
         run: &Run<'_>,
-        errors: Option<&mut [f64]>,
+        errors: Option<&mut [PlaneErrors]>,
         put: Put<'_, E>,
     ) -> Result<(), E> {
         match layer.format {
@@ -241,7 +224,7 @@ impl Packer {
         layer: &Layer<'_>,
         (precision, channels): (Precision, usize),
         run: &Run<'_>,
-        mut errors: Option<&mut [f64]>,
+        mut plane_errors: Option<&mut [PlaneErrors]>,
         put: Put<'_, E>,
     ) -> Result<(), E> {
         let LayerPlan { planes, quantizers } = layer.plan;
@@ -252,21 +235,23 @@ impl Packer {
             let first = run.first + start;
             let dither = self.coding.dither.then_some(Place { first, width: run.width, planes });
             let bytes = buffer.texels((precision, channels), &rows, quantizers, dither);
-            if let Some(errors) = errors.as_deref_mut() {
+            if let Some(plane_errors) = plane_errors.as_deref_mut() {
                 for (channel, row) in rows.iter().enumerate() {
                     let texels = bytes[channel * precision.bytes()..].chunks(texel_bytes);
-                    errors[planes[channel]] += match precision {
+                    let of_plane = &mut plane_errors[planes[channel]];
+                    match precision {
                         Precision::U8 => {
                             let values = texels.map(|texel| f32::from(texel[0]) / 255.0);
-                            squared_error(*row, values, quantizers[channel])
+                            of_plane.add(first, errors(*row, values, quantizers[channel]));
                         }
                         Precision::F16 => {
                             let values =
                                 texels.map(|texel| f16::from_le_bytes([texel[0], texel[1]]).to_f32());
-                            squared_error(*row, values, quantizers[channel])
+                            of_plane.add(first, errors(*row, values, quantizers[channel]));
                         }
-                        Precision::F32 => 0.0,
-                    };
+                        // Exact but for the rounding of f32 itself.
+                        Precision::F32 => of_plane.add(first, row.iter().map(|_| 0.0)),
+                    }
                 }
             }
             put(TexelPlace { offset: (first * texel_bytes) as u64, ..layer.place }, bytes)?;
@@ -279,7 +264,7 @@ impl Packer {
         layer: &Layer<'_>,
         format: BlockFormat,
         run: &Run<'_>,
-        mut errors: Option<&mut [f64]>,
+        mut plane_errors: Option<&mut [PlaneErrors]>,
         put: Put<'_, E>,
     ) -> Result<(), E> {
         let LayerPlan { planes, quantizers } = layer.plan;
@@ -305,12 +290,13 @@ impl Packer {
             let height = (end - start) / width;
             blocks.resize(row_bytes as usize * height.div_ceil(4), 0);
             encode_blocks(format, self.coding.blocks, &texels, width, &mut blocks);
-            if let Some(errors) = errors.as_deref_mut() {
+            if let Some(plane_errors) = plane_errors.as_deref_mut() {
                 decoded.resize(texels.len(), 0.0);
                 decode_blocks(format, &blocks, width, &mut decoded);
                 for (channel, row) in rows.iter().enumerate() {
                     let values = decoded[channel..].iter().step_by(channels).copied();
-                    errors[planes[channel]] += squared_error(*row, values, quantizers[channel]);
+                    let errors = errors(*row, values, quantizers[channel]);
+                    plane_errors[planes[channel]].add(run.first + start, errors);
                 }
             }
             let offset = ((run.first + start) / width / 4) as u64 * row_bytes;
@@ -375,8 +361,12 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Sum of squared differences between coefficients and what their texels give back.
-fn squared_error(row: Row<'_>, texels: impl Iterator<Item = f32>, quantizer: Quantizer) -> f64 {
-    let (scale, bias) = (quantizer.scale, quantizer.bias);
-    row.iter().zip(texels).map(|(c, q)| f64::from(scale * q + bias - c)).map(|d| d * d).sum()
+/// What texels give back less the coefficients.
+fn errors<'a>(
+    row: Row<'a>,
+    texels: impl Iterator<Item = f32> + 'a,
+    quantizer: Quantizer,
+) -> impl Iterator<Item = f32> + 'a {
+    let Quantizer { scale, bias } = quantizer;
+    row.iter().zip(texels).map(move |(c, q)| scale * q + bias - c)
 }

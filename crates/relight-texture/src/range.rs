@@ -294,6 +294,23 @@ impl Groups {
         if self.measure(range, steps).0 < WORTHWHILE * of_whole { range } else { whole }
     }
 
+    /// `range`, widened by up to a step so that 0 is a code where that is worth it: a black background
+    /// is 0 in all planes, and the errors of all would add up.
+    fn with_exact_zero(&self, range: CoefficientRange, steps: f64) -> CoefficientRange {
+        let (min, max) = (f64::from(range.min), f64::from(range.max));
+        let below = (-min / (max - min) * steps).round();
+        if !(1.0..steps).contains(&below) {
+            return range;
+        }
+        let step = (-min / below).max(max / (steps - below));
+        let widened = CoefficientRange { min: (-below * step) as f32, max: ((steps - below) * step) as f32 };
+        if widened.min.is_finite() && widened.max.is_finite() {
+            self.if_worthwhile(widened, range, steps)
+        } else {
+            range
+        }
+    }
+
     /// The range of least error, `whole` where no other is worth it.
     fn least_error(&self, whole: CoefficientRange, steps: f64) -> CoefficientRange {
         let (min, max) = (f64::from(whole.min), f64::from(whole.max));
@@ -314,7 +331,7 @@ impl Groups {
                 }
             }
         }
-        self.if_worthwhile(best.1, whole, steps)
+        self.with_exact_zero(self.if_worthwhile(best.1, whole, steps), steps)
     }
 
     /// As [`Self::least_error`], of the ranges around 0.

@@ -4,10 +4,11 @@
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
 use half::f16;
-use relight_core::{CoefficientSpan, Design, Family, Layout, LightSet, Model, Space};
+use relight_core::{CoefficientSpan, Design, Direction, Family, Layout, LightSet, Model, Space};
 use relight_texture::{
-    ArrayPlan, BlockFormat, Coding, LayerPlan, Packer, Packing, Precision, Quantizer, TexelDomain,
-    TexelFormat, TexelPlace, Wrap, decode_blocks, full_levels, level_size, planes_of_layers, span_pixels,
+    ArrayPlan, BlockFormat, Coding, LayerPlan, PackReport, Packer, Packing, Precision, Quantizer,
+    TexelDomain, TexelFormat, TexelPlace, Wrap, decode_blocks, full_levels, level_size, planes_of_layers,
+    span_pixels,
 };
 use std::convert::Infallible;
 use std::sync::Mutex;
@@ -112,7 +113,7 @@ impl Texture {
 }
 
 /// Packs with spans of `span` pixels, every third from the back.
-fn packed(picture: &Picture, packing: &Packing, coding: Coding, span: usize) -> (Texture, Vec<f64>) {
+fn packed(picture: &Picture, packing: &Packing, coding: Coding, span: usize) -> (Texture, PackReport) {
     let Picture { width, height, model, .. } = picture;
     let texture = Texture::new(*width, *height, packing);
     let packer = Packer::new(*width, *height, model, packing.clone(), coding);
@@ -138,7 +139,7 @@ fn packed(picture: &Picture, packing: &Packing, coding: Coding, span: usize) -> 
     for level in texture.levels.iter().flatten() {
         assert!(level.lock().unwrap().1.iter().all(|&count| count == 1), "every byte once");
     }
-    (texture, report.rmse)
+    (texture, report)
 }
 
 /// The planes of a level from its bytes, by a reader of its own.
@@ -236,7 +237,7 @@ fn every_plane_of_every_format_is_found_again_at_every_level() {
             for size in [(13, 22), (1, 1), (3, 5), (257, 1)] {
                 let picture = Picture::new(size, model(layout, 4));
                 let packing = picture.packing(format, full_levels(size.0, size.1));
-                let (texture, rmse) = packed(&picture, &packing, Coding::default(), 4 * size.0);
+                let (texture, report) = packed(&picture, &packing, Coding::default(), 4 * size.0);
                 let mut expected = picture.planes.clone();
                 let (mut width, mut height) = size;
                 for level in 0..packing.levels {
@@ -256,7 +257,7 @@ fn every_plane_of_every_format_is_found_again_at_every_level() {
                         }
                         let of_level = (sum / found.len() as f64).sqrt();
                         if level == 0 && format.domain() != TexelDomain::Float {
-                            let told = rmse[plane];
+                            let told = report.rmse[plane];
                             assert!(
                                 (told - of_level).abs() <= 1e-3 * of_level + 1e-7,
                                 "{told} for {of_level}"
@@ -308,14 +309,60 @@ fn several_arrays_hold_their_own_planes() {
     arrays[0].layers = arrays[0].layers[1..3].to_vec();
     arrays[1].layers = vec![arrays[1].layers[3].clone(), arrays[1].layers[0].clone()];
     let packing = Packing { arrays, levels: 1, wrap: Wrap::Repeat };
-    let (texture, rmse) = packed(&picture, &packing, Coding::default(), 4 * size.0);
+    let (texture, report) = packed(&picture, &packing, Coding::default(), 4 * size.0);
     let found = unpacked(&texture, &packing, size, 0, 12);
     for (plane, (found, expected)) in found.iter().zip(&picture.planes).enumerate() {
         let (min, max) = picture.range(plane);
         let blocks = (3..9).contains(&plane);
         let allowed = (max - min) * if blocks { 0.07 } else { 1e-6 };
         assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() <= allowed), "plane {plane}");
-        assert_eq!(rmse[plane] > 0.0, blocks, "floats cost nothing, blocks do");
+        assert_eq!(report.rmse[plane] > 0.0, blocks, "floats cost nothing, blocks do");
+    }
+}
+
+/// What the report says of relit pictures, beside pictures relit light by light.
+#[test]
+fn the_relit_error_is_that_of_relit_pictures() {
+    let size = (180, 150);
+    let lights: Vec<Direction> = [(0.6, 0.0, 0.8), (-0.48, 0.64, 0.6), (0.0, -0.8, 0.6)]
+        .map(|(x, y, z)| Direction::new(x, y, z).unwrap())
+        .to_vec();
+    for (layout, format) in [
+        (Layout::Rgb, TexelFormat::Block(BlockFormat::Bc1)),
+        (Layout::Rgb, TexelFormat::Plain { precision: Precision::U8, channels: 4 }),
+        (Layout::Grey, TexelFormat::Block(BlockFormat::Bc4)),
+    ] {
+        let mut picture = Picture::new(size, Model { lights: lights.clone(), ..model(layout, 4) });
+        // Planes whose errors go together: the same noise in all, but for its size.
+        let stride = layout.planes_per_function();
+        for (plane, values) in picture.planes.iter_mut().enumerate() {
+            for (i, value) in values.iter_mut().enumerate() {
+                let noise = (i * 7919 % 1009) as f64 / 1009.0;
+                *value += noise * (1.0 + (plane / stride) as f64);
+            }
+        }
+        let packing = picture.packing(format, 1);
+        let (texture, report) = packed(&picture, &packing, Coding::default(), 4 * size.0);
+        let found = unpacked(&texture, &packing, size, 0, picture.planes.len());
+        let mut functions = vec![0.0; 4];
+        let mut sum = 0.0;
+        for light in &lights {
+            picture.model.basis.evaluate(*light, &mut functions);
+            for channel in 0..stride {
+                for pixel in 0..size.0 * size.1 {
+                    let error: f64 = (0..4)
+                        .map(|f| {
+                            let plane = f * stride + channel;
+                            functions[f] * (found[plane][pixel] - picture.planes[plane][pixel])
+                        })
+                        .sum();
+                    sum += error * error;
+                }
+            }
+        }
+        let expected = (sum / (size.0 * size.1 * stride * lights.len()) as f64).sqrt();
+        let told = report.relit_rmse;
+        assert!((told / expected - 1.0).abs() < 0.1, "{layout:?} {}: {told} for {expected}", format.name());
     }
 }
 

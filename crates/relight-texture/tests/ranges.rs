@@ -211,6 +211,29 @@ fn planes_that_gain_nothing_keep_their_ends() {
 }
 
 #[test]
+fn a_black_background_has_a_code_of_its_own() {
+    // All coefficients of black are 0: half a step of error in every plane would add up to grey.
+    for background in [0, 2] {
+        let value = |i: usize| if i % 4 < background { 0.0 } else { (0.3 + 0.77 * random(8, i)) as f32 };
+        let values: Vec<f32> = (0..4000).map(value).collect();
+        for format in [U8, BC4] {
+            let choice = choose(&values, format, RangeRule::MinError);
+            let (of_black, range) = (back(choice.quantizer, format, 0.0), distribution(&values).range());
+            if background == 0 {
+                assert_eq!(choice.quantizer, Quantizer::over(range));
+                assert!(of_black.abs() > 1e-4, "a lucky range shows nothing: {of_black}");
+            } else {
+                assert!(of_black.abs() < 1e-6, "{of_black}");
+                assert!(choice.quantizer.scale < 1.01 * (range.max - range.min));
+            }
+            assert_eq!(choice.clipped, 0);
+            let measured = rmse(&values, choice.quantizer, format);
+            assert!((choice.rmse / measured - 1.0).abs() < 0.05, "{} {measured}", choice.rmse);
+        }
+    }
+}
+
+#[test]
 fn the_choice_is_the_best_of_all_ranges_and_its_error_is_as_predicted() {
     for (middle, count) in [(0.0, 200_000), (2.0, 100_000), (-1.0, 100_000)] {
         let values = heavy_tailed(count, middle, 1.0);

@@ -8,7 +8,7 @@ use super::document::{Document, Part};
 use super::open_measured;
 use super::texture::{LevelPlace, Shape, Storage, Texture, read_exact};
 use crate::FormatError;
-use ddsfile::{AlphaMode, D3D10ResourceDimension, DxgiFormat, Header, Header10};
+use ddsfile::{AlphaMode, D3D10ResourceDimension, DxgiFormat, Header, Header10, PixelFormatFlags};
 use relight_texture::{BlockFormat, Precision, TexelFormat, full_levels};
 use std::path::Path;
 
@@ -65,8 +65,11 @@ pub(super) fn head(path: &Path, shape: &Shape, file: usize, id: u64) -> Result<V
     }
     let words = [shape.height, shape.width, shape.levels, shape.layers].map(|value| value as u32);
     let [height, width, levels, layers] = words;
-    let header = Header::new_dxgi(height, width, None, format, Some(levels), Some(layers), None)
+    let mut header = Header::new_dxgi(height, width, None, format, Some(levels), Some(layers), None)
         .map_err(|e| invalid(e.to_string()))?;
+    // The crate also marks plain texels as RGB of no masks, which other readers take at its word.
+    header.spf.flags = PixelFormatFlags::FOURCC;
+    header.spf.rgb_bit_count = None;
     // The fourth channel is a plane or nothing, and nothing in between: no blending.
     let dimension = D3D10ResourceDimension::Texture2D;
     let header10 = Header10::new(format, false, dimension, layers, AlphaMode::Custom);

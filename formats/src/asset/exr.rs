@@ -4,7 +4,7 @@
 //! 16 rows is compressed by the thread that completes it; the file is written when all are there.
 
 use super::document;
-use super::planar::{StoringErrors, precision};
+use super::planar::precision;
 use super::{AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, plane_bytes, plane_names};
 use crate::{FormatError, OutputFile};
 use exr::block::chunk::Chunk;
@@ -15,7 +15,7 @@ use exr::meta::header::Header;
 use exr::prelude::{AttributeValue, ChannelDescription, Compression, LineOrder, SampleType, Text, Vec2};
 use half::f16;
 use relight_core::{CoefficientSpan, Layout};
-use relight_texture::{PackReport, Precision, TexelFormat};
+use relight_texture::{PackReport, PlaneErrors, Precision, StoringErrors, TexelFormat};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -69,7 +69,7 @@ pub(super) fn create(path: &Path, header: AssetHeader, settings: &WriteSettings)
         Mutex::new(Block::Filling { bytes: Vec::new(), missing })
     };
     let blocks = (0..height).step_by(rows).map(block).collect();
-    let errors = StoringErrors::default();
+    let errors = StoringErrors::new(&header.model);
     Ok(Box::new(ExrWriter { header, exr, planes, names, precision, blocks, errors, file }))
 }
 
@@ -124,7 +124,7 @@ impl ExrWriter {
         (start, end): (usize, usize),
         top: usize,
         bytes: &mut [u8],
-        errors: &mut [f64],
+        errors: &mut [PlaneErrors],
     ) -> Result<(), FormatError> {
         let AssetHeader { width, model, .. } = &self.header;
         let (sample_bytes, functions) = (self.precision.bytes(), model.basis.count());
@@ -145,14 +145,15 @@ impl ExrWriter {
                     out.zip(samples).for_each(|(out, c)| out.copy_from_slice(&c.to_ne_bytes()));
                     continue;
                 }
-                for (out, c) in out.zip(samples) {
+                for (out, c) in out.zip(samples.clone()) {
                     let half = f16::from_f32(*c);
                     if half.is_infinite() {
                         return Err(self.too_large_for_half(plane, *c));
                     }
-                    errors[plane] += f64::from(half.to_f32() - c).powi(2);
                     out.copy_from_slice(&half.to_ne_bytes());
                 }
+                let of_row = samples.map(|c| f16::from_f32(*c).to_f32() - c);
+                errors[plane].add(span.first + from, of_row);
             }
             from += count;
         }
@@ -189,7 +190,7 @@ impl AssetWriter for ExrWriter {
         let (rows, height) = (self.rows_per_block(), self.header.height);
         let block_pixels = rows * self.header.width;
         let sample_bytes = self.precision.bytes();
-        let (mut start, mut errors) = (0, vec![0.0; self.planes.len()]);
+        let (mut start, mut errors) = (0, vec![PlaneErrors::default(); self.planes.len()]);
         while start < span.pixels {
             let index = (span.first + start) / block_pixels;
             let end = ((index + 1) * block_pixels - span.first).min(span.pixels);
@@ -213,7 +214,7 @@ impl AssetWriter for ExrWriter {
     }
 
     fn finish(self: Box<Self>) -> Result<PackReport, FormatError> {
-        let Self { header, exr, planes, blocks, errors, file, .. } = *self;
+        let Self { header, exr, blocks, errors, file, .. } = *self;
         let mut chunks = Vec::with_capacity(blocks.len());
         for (index, block) in blocks.into_iter().enumerate() {
             match block.into_inner().unwrap_or_else(PoisonError::into_inner) {
@@ -232,6 +233,6 @@ impl AssetWriter for ExrWriter {
         out.flush().map_err(|e| FormatError::io(file.path(), "write", e))?;
         drop(out);
         file.finish()?;
-        Ok(errors.report(planes.len(), header.width * header.height))
+        Ok(errors.report(header.width * header.height))
     }
 }

@@ -22,12 +22,9 @@ pub(super) fn open(path: &Path) -> Result<Texture, FormatError> {
     read_exact(path, &mut file, &mut start)?;
     let header =
         Header::from_bytes(&start).map_err(|e| FormatError::invalid(path, format!("KTX2 header: {e}")))?;
-    // The crate takes a scheme that it does not know for none.
-    let scheme = u32::from_le_bytes([start[44], start[45], start[46], start[47]]);
     let compressed = header.supercompression_scheme == Some(SupercompressionScheme::Zstandard);
-    if scheme != 0 && !compressed {
-        let name = header.supercompression_scheme.map_or_else(|| scheme.to_string(), |s| format!("{s:?}"));
-        return unsupported(format!("is supercompressed with {name}; relight reads Zstandard and none"));
+    if let Some(scheme) = header.supercompression_scheme.filter(|_| !compressed) {
+        return unsupported(format!("is supercompressed with {scheme:?}; relight reads Zstandard and none"));
     }
     let Some(format) = texel_format(header.format) else {
         let found = header.format.map_or_else(|| "VK_FORMAT_UNDEFINED".to_owned(), |f| format!("{f:?}"));

@@ -1,13 +1,10 @@
-//! Formats that hold planes one by one: their packing, and what storing in them cost.
+//! Formats that hold planes one by one: their packing.
 
 use super::{AssetHeader, Details};
 use crate::FormatError;
 use relight_core::{RelightingMaps, Texels};
-use relight_texture::{
-    ArrayPlan, LayerPlan, PackReport, PackedMaps, Packing, Precision, Quantizer, TexelFormat, Wrap,
-};
+use relight_texture::{ArrayPlan, LayerPlan, PackedMaps, Packing, Precision, Quantizer, TexelFormat, Wrap};
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
 
 /// An array of a layer a plane, as textures that come from such a format have.
 pub(super) fn packing(precision: Precision, quantizers: impl Iterator<Item = Quantizer>) -> Packing {
@@ -42,24 +39,4 @@ pub(super) fn read_packed(
         }
     }
     Ok(PackedMaps { width, height, model, packing, texels: vec![vec![level]] })
-}
-
-/// Sums of squared errors of runs, each with its first pixel: added up in the order of pixels, so
-/// that the figures don't depend on threads.
-#[derive(Debug, Default)]
-pub(super) struct StoringErrors(Mutex<Vec<(usize, Vec<f64>)>>);
-
-impl StoringErrors {
-    /// Takes the sums of the run that begins at pixel `first`, one a plane.
-    pub(super) fn add(&self, first: usize, sums: Vec<f64>) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push((first, sums));
-    }
-
-    /// What storing `planes` planes of `pixels` pixels cost.
-    pub(super) fn report(self, planes: usize, pixels: usize) -> PackReport {
-        let mut runs = self.0.into_inner().unwrap_or_else(PoisonError::into_inner);
-        runs.sort_by_key(|(first, _)| *first);
-        let sum = |plane: usize| runs.iter().map(|(_, sums)| sums[plane]).sum::<f64>();
-        PackReport { rmse: (0..planes).map(|plane| (sum(plane) / pixels as f64).sqrt()).collect() }
-    }
 }

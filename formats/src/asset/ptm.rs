@@ -3,7 +3,6 @@
 //! Source: FORMATS.md of this project. value = (byte - bias) x scale in 0..255 units, one scale and
 //! bias a function, rows bottom-up.
 
-use super::planar::StoringErrors;
 use super::{
     AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, check_complete, check_finite,
     plane_quantizers,
@@ -11,7 +10,7 @@ use super::{
 use crate::{FormatError, OutputFile};
 use relight_core::CoefficientRange;
 use relight_core::{Basis, CoefficientSpan, Layout, Model, Space};
-use relight_texture::{PackReport, Quantizer};
+use relight_texture::{PackReport, PlaneErrors, Quantizer, StoringErrors};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -83,7 +82,7 @@ pub(super) fn create(path: &Path, header: AssetHeader, _settings: &WriteSettings
     let file = OutputFile::create(path)?;
     file.write_at(0, head.as_bytes())?;
     let offset = head.len() as u64;
-    let (written, errors) = (AtomicUsize::new(0), StoringErrors::default());
+    let (written, errors) = (AtomicUsize::new(0), StoringErrors::new(&header.model));
     Ok(Box::new(PtmWriter { header, quantizers, offset, written, errors, file }))
 }
 
@@ -105,10 +104,9 @@ pub(super) fn quantizer_of(scale: f32, bias: f64) -> Quantizer {
     Quantizer { scale, bias: (-bias * f64::from(scale) / 255.0) as f32 }
 }
 
-/// The squared difference between a coefficient and what its code gives back.
-fn squared_error(quantizer: &Quantizer, code: u8, coefficient: f32) -> f64 {
-    let back = quantizer.scale * (f32::from(code) / 255.0) + quantizer.bias;
-    f64::from(back - coefficient).powi(2)
+/// What a code gives back less the coefficient.
+fn error(quantizer: &Quantizer, code: u8, coefficient: f32) -> f32 {
+    quantizer.scale * (f32::from(code) / 255.0) + quantizer.bias - coefficient
 }
 
 impl PtmWriter {
@@ -120,7 +118,7 @@ impl PtmWriter {
         start: usize,
         count: usize,
         bytes: &mut Vec<u8>,
-        errors: &mut [f64],
+        errors: &mut [PlaneErrors],
     ) -> Result<(), FormatError> {
         let AssetHeader { width, height, model, .. } = &self.header;
         let (x, y) = ((span.first + start) % width, (span.first + start) / width);
@@ -130,13 +128,14 @@ impl PtmWriter {
         bytes.resize(count * FUNCTIONS, 0);
         for channel in 0..channels {
             for (j, quantizer) in self.quantizers.iter().enumerate() {
-                let sum = &mut errors[j * channels + channel];
                 let row = &span.functions[j * span.pixels * channels..][start * channels..];
                 let row = row[channel..].iter().step_by(channels);
-                for (pixel, c) in bytes.chunks_exact_mut(FUNCTIONS).zip(row) {
+                for (pixel, c) in bytes.chunks_exact_mut(FUNCTIONS).zip(row.clone()) {
                     pixel[j] = quantizer.code(*c);
-                    *sum += squared_error(quantizer, pixel[j], *c);
                 }
+                let codes = bytes[j..].iter().step_by(FUNCTIONS);
+                let of_row = codes.zip(row).map(|(&code, &c)| error(quantizer, code, c));
+                errors[j * channels + channel].add(span.first + start, of_row);
             }
             let place = self.offset + channel as u64 * block + pixel * FUNCTIONS as u64;
             self.file.write_at(place, bytes)?;
@@ -146,8 +145,10 @@ impl PtmWriter {
             let base = &span.base_color[3 * start..][..3 * count];
             bytes.clear();
             bytes.extend(base.iter().map(|&c| unit.code(c)));
-            for (i, (&c, &code)) in base.iter().zip(bytes.iter()).enumerate() {
-                errors[FUNCTIONS + i % 3] += squared_error(&unit, code, c);
+            for channel in 0..3 {
+                let codes = bytes[channel..].iter().step_by(3).zip(base[channel..].iter().step_by(3));
+                let of_channel = codes.map(|(&code, &c)| error(&unit, code, c));
+                errors[FUNCTIONS + channel].add(span.first + start, of_channel);
             }
             self.file.write_at(self.offset + block + pixel * 3, bytes)?;
         }
@@ -160,7 +161,7 @@ impl AssetWriter for PtmWriter {
         assert_shape(&self.header, span);
         let width = self.header.width;
         let (mut start, mut bytes) = (0, Vec::new());
-        let mut errors = vec![0.0; self.header.model.plane_count()];
+        let mut errors = vec![PlaneErrors::default(); self.header.model.plane_count()];
         while start < span.pixels {
             let left_in_row = width - (span.first + start) % width;
             let count = left_in_row.min(span.pixels - start);
@@ -176,7 +177,7 @@ impl AssetWriter for PtmWriter {
         check_complete(self.file.path(), &self.header, self.written.load(Ordering::Relaxed))?;
         let Self { header, errors, file, .. } = *self;
         file.finish()?;
-        Ok(errors.report(header.model.plane_count(), header.width * header.height))
+        Ok(errors.report(header.width * header.height))
     }
 }
 

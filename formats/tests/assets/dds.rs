@@ -48,6 +48,9 @@ fn directxtex_finds_every_layer_of_every_level_and_decodes_a_texel_as_we_do() {
         asset.write(&path, &packing, &PLAIN, 1).unwrap();
         let packed = asset.packed(&packing, PLAIN.coding);
         let layers = packing.arrays[0].layers.len();
+        // The old pixel format says "see below" and nothing else, or readers stop there.
+        let old_format = [&[32, 0, 0, 0, 4, 0, 0, 0][..], b"DX10", &[0; 20]].concat();
+        assert_eq!(fs::read(&path).unwrap()[76..108], old_format);
         let (image, metadata) = load(&path);
         assert_eq!((metadata.width, metadata.height, metadata.depth), (width, height, 1));
         assert_eq!((metadata.array_size, metadata.mip_levels, metadata.format), (layers, 5, dxgi));

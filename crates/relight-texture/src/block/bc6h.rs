@@ -10,7 +10,7 @@ mod scale;
 
 use super::encode::BlockRow;
 use super::{BlockCoding, Quality};
-use fit::{Ends, Texels};
+use fit::{Ends, Members, Texels, members};
 use modes::{ANCHORS, MODES, Mode, PARTITIONS};
 use scale::Scale;
 
@@ -28,9 +28,9 @@ struct Effort {
 
 fn effort(quality: Quality) -> Effort {
     match quality {
-        Quality::Fast => Effort { refits: 1, partitions: 0, modes: 1, steps: 0 },
+        Quality::Fast => Effort { refits: 2, partitions: 0, modes: 1, steps: 0 },
         Quality::Normal => Effort { refits: 2, partitions: 2, modes: 1, steps: 1 },
-        Quality::High => Effort { refits: 3, partitions: 6, modes: 2, steps: 2 },
+        Quality::High => Effort { refits: 3, partitions: 8, modes: 2, steps: 2 },
         Quality::Best => Effort { refits: 4, partitions: 32, modes: 10, steps: 8 },
     }
 }
@@ -68,23 +68,24 @@ fn encode_block(texels: &Texels, effort: &Effort) -> [u8; 16] {
         }
         best.as_ref().map_or(0.0, |best| best.error)
     };
-    let whole = [fitted(texels, u16::MAX, 16, effort)];
+    let whole = [members(u16::MAX); 2];
+    let lines = [fitted::<16>(texels, &whole[0], effort)];
     let mut error = f32::INFINITY;
-    for found in candidates(texels, &whole, 0, effort) {
+    for found in candidates::<16>(texels, &lines, (0, &whole), effort) {
         error = keep(found);
     }
-    let mut ranked: [(f32, usize); 32] =
-        std::array::from_fn(
-            |p| if effort.partitions > 0 { (texels.guess(PARTITIONS[p]), p) } else { (0.0, p) },
-        );
-    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    for (_, partition) in &ranked[..effort.partitions] {
-        if error == 0.0 {
+    let mut ranked: [(f32, usize); 32] = std::array::from_fn(|p| (0.0, p));
+    if effort.partitions > 0 && error > 0.0 {
+        ranked = ranked.map(|(_, p)| (texels.guess(&members(PARTITIONS[p])), p));
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
+    for (guess, partition) in &ranked[..effort.partitions] {
+        if error <= 0.7 * guess {
             break;
         }
-        let second = PARTITIONS[*partition];
-        let lines = [!second, second].map(|line| fitted(texels, line, 8, effort));
-        for found in candidates(texels, &lines, *partition, effort) {
+        let split = [!PARTITIONS[*partition], PARTITIONS[*partition]].map(members);
+        let lines = split.each_ref().map(|line| fitted::<8>(texels, line, effort));
+        for found in candidates::<8>(texels, &lines, (*partition, &split), effort) {
             error = keep(found);
         }
     }
@@ -92,32 +93,35 @@ fn encode_block(texels: &Texels, effort: &Effort) -> [u8; 16] {
     best.mode.block(&best.codes, best.partition, &best.indices)
 }
 
-/// Ends of a line through some of the texels.
-fn fitted(texels: &Texels, line: u16, colors: usize, effort: &Effort) -> Ends {
+/// Ends of a line of N colours through some of the texels.
+fn fitted<const N: usize>(texels: &Texels, line: &Members, effort: &Effort) -> Ends {
     let mut ends = texels.first_ends(line);
     for _ in 0..effort.refits {
         let rounded = ends.map(|end| end.map(|position| position as i32));
-        let assigned = texels.assign(rounded, colors);
-        ends = texels.refit(ends, line, &assigned.index, colors);
+        let (index, _) = texels.assign::<N>(rounded, line);
+        ends = texels.refit::<N>(ends, line, &index);
     }
     ends
 }
 
+/// A partition's number and the members of its lines.
+type Split<'a> = (usize, &'a [Members; 2]);
+
 /// The lines in each of the finest modes that can hold them.
-fn candidates<'a>(
+fn candidates<'a, const N: usize>(
     texels: &'a Texels,
     lines: &'a [Ends],
-    partition: usize,
+    split: Split<'a>,
     effort: &'a Effort,
 ) -> impl Iterator<Item = Candidate> + 'a {
     let modes = MODES.iter().filter(|mode| mode.lines == lines.len());
-    modes.filter_map(move |mode| in_mode(texels, lines, partition, mode, effort)).take(effort.modes)
+    modes.filter_map(move |mode| in_mode::<N>(texels, lines, split, mode, effort)).take(effort.modes)
 }
 
-fn in_mode(
+fn in_mode<const N: usize>(
     texels: &Texels,
     lines: &[Ends],
-    partition: usize,
+    split: Split<'_>,
     mode: &'static Mode,
     effort: &Effort,
 ) -> Option<Candidate> {
@@ -127,13 +131,17 @@ fn in_mode(
             *end = position.map(|position| texels.scale.code(position, mode.bits));
         }
     }
-    let mut best = assigned(texels, codes, partition, mode)?;
+    let [a, b, ..] = codes;
+    if !mode.fits(&codes) && !mode.fits(&[b, a, codes[2], codes[3]]) {
+        return None;
+    }
+    let mut best = assigned::<N>(texels, codes, split, mode)?;
     for _ in 0..effort.steps {
-        let codes = stepped(texels, &best);
+        let codes = stepped::<N>(texels, &best, split.1);
         if codes == best.codes {
             break;
         }
-        match assigned(texels, codes, partition, mode) {
+        match assigned::<N>(texels, codes, split, mode) {
             Some(found) if found.error < best.error => best = found,
             _ => break,
         }
@@ -141,65 +149,140 @@ fn in_mode(
     Some(best)
 }
 
-/// The texels of each line.
-fn line_texels(mode: &Mode, partition: usize) -> [u16; 2] {
-    if mode.lines == 1 { [u16::MAX, 0] } else { [!PARTITIONS[partition], PARTITIONS[partition]] }
-}
-
 /// Indices for given ends, turned such that anchors are in the lower half; none when the codes do
 /// not fit the mode that way round.
-fn assigned(
+fn assigned<const N: usize>(
     texels: &Texels,
     mut codes: [[i32; 3]; 4],
-    partition: usize,
+    (partition, split): Split<'_>,
     mode: &'static Mode,
 ) -> Option<Candidate> {
-    let colors = 16 / mode.lines;
     let (mut indices, mut error) = ([0; 16], 0.0);
-    for line in 0..mode.lines {
-        let members = line_texels(mode, partition)[line];
-        let ends = &mut codes[2 * line..2 * line + 2];
+    for (line, ends) in codes.chunks_exact_mut(2).take(mode.lines).enumerate() {
         let positions =
-            [0, 1].map(|end| ends[end].map(|code| texels.scale.position_of_code(code, mode.bits)));
-        let assigned = texels.assign(positions, colors);
-        error += assigned.error_of(members);
+            [ends[0], ends[1]].map(|end| end.map(|code| texels.scale.position_of_code(code, mode.bits)));
+        let (index, of_line) = texels.assign::<N>(positions, &split[line]);
+        error += of_line;
         let anchor = if line == 0 { 0 } else { ANCHORS[partition] };
-        let turned = usize::from(assigned.index[anchor]) >= colors / 2;
+        let turned = usize::from(index[anchor]) >= N / 2;
         if turned {
             ends.swap(0, 1);
         }
-        for i in (0..16).filter(|i| members >> i & 1 == 1) {
-            indices[i] = if turned { colors as u8 - 1 - assigned.index[i] } else { assigned.index[i] };
+        for (i, index) in index.into_iter().enumerate().filter(|(i, _)| split[line][*i] == 1.0) {
+            indices[i] = if turned { N as u8 - 1 - index } else { index };
         }
     }
     mode.fits(&codes).then_some(Candidate { error, mode, partition, codes, indices })
 }
 
 /// The codes after the best single step of each end's channels, for the candidate's indices.
-fn stepped(texels: &Texels, candidate: &Candidate) -> [[i32; 3]; 4] {
-    let Candidate { mode, partition, indices, .. } = candidate;
+fn stepped<const N: usize>(texels: &Texels, candidate: &Candidate, split: &[Members; 2]) -> [[i32; 3]; 4] {
+    let Candidate { mode, indices, .. } = candidate;
+    let (scale, bits) = (texels.scale, mode.bits);
     let mut codes = candidate.codes;
     for line in 0..mode.lines {
-        let members = line_texels(mode, *partition)[line];
         for c in 0..3 {
+            let bins = texels.bins::<N>(c, &split[line], indices);
+            let error =
+                |ends: [i32; 2]| bins.error(scale, ends.map(|code| scale.position_of_code(code, bits)));
             let ends = [codes[2 * line][c], codes[2 * line + 1][c]];
-            let mut best = (f32::INFINITY, ends);
-            // The codes as they are come first: a step must be better.
-            for (da, db) in [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, 1), (-1, 1), (1, -1)] {
+            let mut best = (error(ends), ends);
+            for (da, db) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, 1), (-1, 1), (1, -1)] {
                 let moved = [ends[0] + da, ends[1] + db];
                 let mut all = codes;
                 (all[2 * line][c], all[2 * line + 1][c]) = (moved[0], moved[1]);
-                if !moved.iter().all(|code| texels.scale.has_code(*code, mode.bits)) || !mode.fits(&all) {
-                    continue;
-                }
-                let positions = moved.map(|code| texels.scale.position_of_code(code, mode.bits));
-                let error = texels.channel_error(c, positions, members, indices, 16 / mode.lines);
-                if error < best.0 {
-                    best = (error, moved);
+                if moved.iter().all(|code| scale.has_code(*code, bits)) && mode.fits(&all) {
+                    let error = error(moved);
+                    if error < best.0 {
+                        best = (error, moved);
+                    }
                 }
             }
             (codes[2 * line][c], codes[2 * line + 1][c]) = (best.1[0], best.1[1]);
         }
     }
     codes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The next of a sequence of numbers below `range` (an LCG's high bits).
+    fn next(state: &mut u64, range: i32) -> i32 {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((*state >> 33) % range as u64) as i32
+    }
+
+    #[test]
+    fn blocks_of_every_mode_decode_to_the_colours_between_their_ends() {
+        let mut state = 7;
+        for signed in [false, true] {
+            let scale = Scale { signed };
+            for (number, mode) in MODES.iter().enumerate() {
+                for round in 0..200 {
+                    let partition = if mode.lines == 2 { round % 32 } else { 0 };
+                    let mut codes = [[0; 3]; 4];
+                    for end in 0..2 * mode.lines {
+                        for c in 0..3 {
+                            codes[end][c] = loop {
+                                let anywhere = next(&mut state, 1 << mode.bits);
+                                let near = next(&mut state, 512) - 256;
+                                let code = match mode.deltas {
+                                    Some(bits) if end > 0 => codes[0][c] + near % (1 << (bits[c] - 1)),
+                                    _ if signed => anywhere - (1 << (mode.bits - 1)),
+                                    _ => anywhere,
+                                };
+                                if scale.has_code(code, mode.bits) {
+                                    break code;
+                                }
+                            };
+                        }
+                    }
+                    assert!(mode.fits(&codes));
+                    let split = PARTITIONS[partition];
+                    let line = |i: usize| if mode.lines == 2 { usize::from(split >> i & 1) } else { 0 };
+                    let colors = 16 / mode.lines;
+                    let anchor = |i: usize| i == 0 || mode.lines == 2 && i == ANCHORS[partition];
+                    let indices = std::array::from_fn(|i| {
+                        next(&mut state, colors as i32 / if anchor(i) { 2 } else { 1 }) as u8
+                    });
+                    let block = mode.block(&codes, partition, &indices);
+
+                    let mut halves = [0; 48];
+                    bcdec_rs::bc6h_half(&block, &mut halves, 12, signed);
+                    for i in 0..16 {
+                        for c in 0..3 {
+                            let position =
+                                |end: usize| scale.position_of_code(codes[2 * line(i) + end][c], mode.bits);
+                            // The 64ths of the source, from its formula rather than from the table.
+                            let (k, last) = (i32::from(indices[i]), colors as i32 - 1);
+                            let weight = (64 * k + last / 2) / last;
+                            let between = (position(0) * (64 - weight) + position(1) * weight + 32) >> 6;
+                            let decoded = half::f16::from_bits(halves[3 * i + c]).to_f32();
+                            assert_eq!(
+                                scale.q(between),
+                                decoded,
+                                "mode {number}, signed {signed}, texel {i}, {c}"
+                            );
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn positions_of_halves_are_those_of_their_values() {
+        for bits in 0..=0x3c00u16 {
+            let q = half::f16::from_bits(bits).to_f32();
+            for signed in [false, true] {
+                let scale = Scale { signed };
+                assert_eq!(scale.q(scale.position(q) as i32), q, "{bits:#x}, signed {signed}");
+                if signed {
+                    assert_eq!(scale.q(scale.position(-q) as i32), -q, "-{bits:#x}");
+                }
+            }
+        }
+    }
 }

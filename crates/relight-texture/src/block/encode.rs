@@ -53,7 +53,8 @@ pub fn encode_blocks(format: BlockFormat, coding: BlockCoding, texels: &[f32], w
         TexelDomain::Signed => (-1.0, 1.0),
         _ => (0.0, 1.0),
     };
-    let clean = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(low, high) };
+    // The sum takes the sign off -0, which an encoder of unsigned halves would see as a huge number.
+    let clean = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(low, high) + 0.0 };
     let padded = width.next_multiple_of(4);
     let mut strip = vec![0.0; 4 * padded * facts.channels];
     let blocks = out.chunks_exact_mut(padded / 4 * facts.bytes);

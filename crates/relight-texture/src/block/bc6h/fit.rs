@@ -1,118 +1,154 @@
 //! Lines through the texels of a block: the ends that make the least squared error in q.
 
+#![expect(clippy::needless_range_loop, reason = "several arrays by one index")]
+
 use super::scale::Scale;
 
-/// 64ths of the way from one end to the other, by index. Source: *BC6H Format*, as in `modes`.
-const WEIGHTS_8: [i32; 8] = [0, 9, 18, 27, 37, 46, 55, 64];
-const WEIGHTS_16: [i32; 16] = [0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64];
-
-/// How far along a line the colour of an index lies, in 64ths.
-pub(super) fn weights(colors: usize) -> &'static [i32] {
-    if colors == 8 { &WEIGHTS_8 } else { &WEIGHTS_16 }
+/// How far along a line of N colours each colour lies, in 64ths. Source: *BC6H Format*.
+const fn weights<const N: usize>() -> [f32; N] {
+    const EIGHT: [f32; 8] = [0.0, 9.0, 18.0, 27.0, 37.0, 46.0, 55.0, 64.0];
+    const SIXTEEN: [f32; 16] =
+        [0.0, 4.0, 9.0, 13.0, 17.0, 21.0, 26.0, 30.0, 34.0, 38.0, 43.0, 47.0, 51.0, 55.0, 60.0, 64.0];
+    let mut weights = [0.0; N];
+    let mut i = 0;
+    while i < N {
+        weights[i] = if N == 8 { EIGHT[i] } else { SIXTEEN[i] };
+        i += 1;
+    }
+    weights
 }
 
 /// A block by channel, and what the fit needs of it.
 pub(super) struct Texels {
     pub(super) scale: Scale,
-    pub(super) q: [[f32; 16]; 3],
+    q: [[f32; 16]; 3],
     /// Positions of q.
     position: [[f32; 16]; 3],
     /// Squared slopes: what a squared error of position costs in q.
     cost: [[f32; 16]; 3],
     /// The positions of the domain's ends.
     limits: (f32, f32),
+    mean: [f32; 3],
+    whole: Spread,
+}
+
+/// The texels of a line: 1 for its own, 0 for the others.
+pub(super) type Members = [f32; 16];
+
+/// The members of the line whose texels are the bits that are set.
+pub(super) fn members(texels: u16) -> Members {
+    std::array::from_fn(|i| f32::from(texels >> i & 1))
 }
 
 /// Ends of a line, positions before rounding.
 pub(super) type Ends = [[f32; 3]; 2];
 
-/// Indices of all texels on one line, and what each costs there.
-pub(super) struct Assigned {
-    pub(super) index: [u8; 16],
-    pub(super) error: [f32; 16],
+/// The sum, in an order that needs no shuffling of vectors.
+fn sum(values: [f32; 16]) -> f32 {
+    let four: [f32; 4] =
+        std::array::from_fn(|i| (values[i] + values[4 + i]) + (values[8 + i] + values[12 + i]));
+    (four[0] + four[2]) + (four[1] + four[3])
 }
 
-impl Assigned {
-    /// The error over the texels of a line.
-    pub(super) fn error_of(&self, texels: u16) -> f32 {
-        (0..16).filter(|i| texels >> i & 1 == 1).map(|i| self.error[i]).sum()
+fn products(a: &[f32; 16], b: &[f32; 16]) -> [f32; 16] {
+    std::array::from_fn(|i| a[i] * b[i])
+}
+
+/// The colours of one channel between two ends.
+fn palette<const N: usize>(scale: Scale, ends: [i32; 2]) -> [f32; N] {
+    let [a, b] = ends.map(|position| position as f32);
+    let weights = weights::<N>();
+    let mut palette = [0.0; N];
+    for k in 0..N {
+        // Exact, since the sum is an integer below 2^22: added to 1.5 x 2^23, it is what the bits
+        // are above those of that number. A conversion would not be compiled to vectors.
+        let sum = a * (64.0 - weights[k]) + b * weights[k] + 32.0;
+        let position = ((sum + 12_582_912.0).to_bits() as i32 - 0x4b40_0000) >> 6;
+        palette[k] = scale.q(position);
+    }
+    palette
+}
+
+/// The texels of a line by index, in one channel.
+pub(super) struct Bins<const N: usize> {
+    count: [f32; N],
+    mean: [f32; N],
+}
+
+impl<const N: usize> Bins<N> {
+    /// What ends cost, less what no ends can help.
+    pub(super) fn error(&self, scale: Scale, ends: [i32; 2]) -> f32 {
+        let palette = palette::<N>(scale, ends);
+        let mut four = [0.0; 4];
+        for k in 0..N {
+            let difference = palette[k] - self.mean[k];
+            four[k % 4] += self.count[k] * difference * difference;
+        }
+        (four[0] + four[2]) + (four[1] + four[3])
     }
 }
 
 impl Texels {
     /// Of 16 RGB texels.
     pub(super) fn new(texels: &[f32; 48], scale: Scale) -> Self {
-        let by_channel =
-            |of: &dyn Fn(f32) -> f32| std::array::from_fn(|c| std::array::from_fn(|i| of(texels[i * 3 + c])));
-        let cost = |q| {
-            let slope = scale.slope(q);
-            slope * slope
-        };
+        let q: [[f32; 16]; 3] = std::array::from_fn(|c| std::array::from_fn(|i| texels[i * 3 + c]));
         let high = scale.position(1.0);
-        Self {
+        let mean = q.map(|channel| sum(channel) / 16.0);
+        let mut block = Self {
             scale,
-            q: by_channel(&|q| q),
-            position: by_channel(&|q| scale.position(q)),
-            cost: by_channel(&cost),
+            q,
+            position: q.map(|channel| channel.map(|q| scale.position(q))),
+            cost: q.map(|channel| channel.map(|q| scale.slope(q) * scale.slope(q))),
             limits: (if scale.signed { -high } else { 0.0 }, high),
-        }
+            mean,
+            whole: Spread::default(),
+        };
+        block.whole = block.spread(&members(u16::MAX));
+        block
     }
 
-    /// The nearest of the line's colours for each texel.
-    pub(super) fn assign(&self, ends: [[i32; 3]; 2], colors: usize) -> Assigned {
+    /// The nearest of a line's N colours for each texel: its index, and the line's error.
+    pub(super) fn assign<const N: usize>(&self, ends: [[i32; 3]; 2], line: &Members) -> ([u8; 16], f32) {
+        let palettes: [[f32; N]; 3] = std::array::from_fn(|c| palette(self.scale, [ends[0][c], ends[1][c]]));
         let mut error = [f32::INFINITY; 16];
         let mut index = [0u32; 16];
-        for (k, weight) in weights(colors).iter().enumerate() {
-            let color: [f32; 3] =
-                std::array::from_fn(|c| self.scale.q(Scale::between(ends[0][c], ends[1][c], *weight)));
+        for k in 0..N {
             for i in 0..16 {
-                let (r, g, b) = (self.q[0][i] - color[0], self.q[1][i] - color[1], self.q[2][i] - color[2]);
+                let [r, g, b]: [f32; 3] = std::array::from_fn(|c| self.q[c][i] - palettes[c][k]);
                 let squares = r * r + g * g + b * b;
                 let nearer = squares < error[i];
                 error[i] = if nearer { squares } else { error[i] };
                 index[i] = if nearer { k as u32 } else { index[i] };
             }
         }
-        Assigned { index: index.map(|k| k as u8), error }
+        (index.map(|k| k as u8), sum(products(&error, line)))
     }
 
-    /// The squared error of one channel of a line when the indices are given.
-    pub(super) fn channel_error(
-        &self,
-        c: usize,
-        ends: [i32; 2],
-        texels: u16,
-        index: &[u8; 16],
-        colors: usize,
-    ) -> f32 {
-        let mut palette = [0.0; 16];
-        for (color, weight) in palette.iter_mut().zip(weights(colors)) {
-            *color = self.scale.q(Scale::between(ends[0], ends[1], *weight));
+    /// The texels of a line in one channel, by index.
+    pub(super) fn bins<const N: usize>(&self, c: usize, line: &Members, index: &[u8; 16]) -> Bins<N> {
+        let (mut count, mut mean) = ([0.0; N], [0.0; N]);
+        for i in 0..16 {
+            count[usize::from(index[i]) % N] += line[i];
+            mean[usize::from(index[i]) % N] += line[i] * self.q[c][i];
         }
-        let square = |i: usize| {
-            let difference = self.q[c][i] - palette[usize::from(index[i])];
-            if texels >> i & 1 == 1 { difference * difference } else { 0.0 }
-        };
-        (0..16).map(square).sum()
+        mean.iter_mut().zip(&count).for_each(|(mean, count)| *mean /= count.max(1.0));
+        Bins { count, mean }
     }
 
     /// The ends of least squared error for given indices, to first order: errors of position count
     /// by the squared slope at the texel.
-    pub(super) fn refit(&self, before: Ends, texels: u16, index: &[u8; 16], colors: usize) -> Ends {
-        let weights = weights(colors);
+    pub(super) fn refit<const N: usize>(&self, before: Ends, line: &Members, index: &[u8; 16]) -> Ends {
+        let weights = weights::<N>();
+        let b: [f32; 16] = std::array::from_fn(|i| weights[usize::from(index[i]) % N] / 64.0);
+        let a = b.map(|b| 1.0 - b);
         let mut ends = before;
         for c in 0..3 {
-            let (mut aa, mut ab, mut bb, mut ax, mut bx) = (0.0f32, 0.0f32, 0.0f32, 0.0f32, 0.0f32);
-            for i in 0..16 {
-                let cost = if texels >> i & 1 == 1 { self.cost[c][i] } else { 0.0 };
-                let b = weights[usize::from(index[i])] as f32 / 64.0;
-                let a = 1.0 - b;
-                aa += cost * a * a;
-                ab += cost * a * b;
-                bb += cost * b * b;
-                ax += cost * a * self.position[c][i];
-                bx += cost * b * self.position[c][i];
-            }
+            let cost = products(&self.cost[c], line);
+            let (cost_a, cost_b) = (products(&cost, &a), products(&cost, &b));
+            let (aa, ab, bb) =
+                (sum(products(&cost_a, &a)), sum(products(&cost_a, &b)), sum(products(&cost_b, &b)));
+            let ax = sum(products(&cost_a, &self.position[c]));
+            let bx = sum(products(&cost_b, &self.position[c]));
             let determinant = aa * bb - ab * ab;
             if determinant > 1e-4 * aa * bb {
                 let (low, high) = self.limits;
@@ -124,83 +160,116 @@ impl Texels {
     }
 
     /// Ends at the outermost texels along the direction of the largest variance in q.
-    pub(super) fn first_ends(&self, texels: u16) -> Ends {
-        let spread = Spread::of(self, texels);
-        let axis = spread.axis();
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        for i in (0..16).filter(|i| texels >> i & 1 == 1) {
-            let along: f32 = (0..3).map(|c| (self.q[c][i] - spread.mean[c]) * axis[c]).sum();
+    pub(super) fn first_ends(&self, line: &Members) -> Ends {
+        let spread = self.spread(line);
+        let mean = spread.mean();
+        let axis = axis(&spread.scatter());
+        let length = (axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]).sqrt();
+        let axis = axis.map(|value| value / length);
+        let (mut low, mut high) = (0.0f32, 0.0f32);
+        for i in 0..16 {
+            let [r, g, b]: [f32; 3] =
+                std::array::from_fn(|c| (self.q[c][i] - self.mean[c] - mean[c]) * axis[c]);
+            let along = (r + g + b) * line[i];
             low = low.min(along);
             high = high.max(along);
         }
+        let least = if self.scale.signed { -1.0 } else { 0.0 };
         [low, high].map(|along| {
             std::array::from_fn(|c| {
-                let q = spread.mean[c] + along * axis[c];
-                self.scale.position(q.clamp(if self.scale.signed { -1.0 } else { 0.0 }, 1.0))
+                let q = self.mean[c] + mean[c] + along * axis[c];
+                self.scale.position(q.clamp(least, 1.0))
             })
         })
     }
 
-    /// A guess at the error of a partition's two lines, for ranking: what is off the lines, and an
+    /// A guess at the error of a block with two lines, for ranking: what is off the lines, and an
     /// 8-colour palette's share of what is along them.
-    pub(super) fn guess(&self, second: u16) -> f32 {
-        [!second, second].iter().map(|texels| Spread::of(self, *texels).off_line()).sum()
+    pub(super) fn guess(&self, second: &Members) -> f32 {
+        let second = self.spread(second);
+        second.off_line() + self.whole.without(&second).off_line()
+    }
+
+    fn spread(&self, line: &Members) -> Spread {
+        let [r, g, b]: [[f32; 16]; 3] =
+            std::array::from_fn(|c| std::array::from_fn(|i| (self.q[c][i] - self.mean[c]) * line[i]));
+        let product = |a, b| sum(products(a, b));
+        Spread {
+            count: sum(*line),
+            sums: [sum(r), sum(g), sum(b)],
+            squares: [
+                product(&r, &r),
+                product(&g, &g),
+                product(&b, &b),
+                product(&r, &g),
+                product(&r, &b),
+                product(&g, &b),
+            ],
+        }
     }
 }
 
-/// Mean and scatter of texels in q.
+/// Moments of some texels in q, less the block's mean.
+#[derive(Default)]
 struct Spread {
-    mean: [f32; 3],
-    /// rr, gg, bb, rg, rb, gb: sums of products of differences to the mean.
-    scatter: [f32; 6],
+    count: f32,
+    sums: [f32; 3],
+    /// rr, gg, bb, rg, rb, gb.
+    squares: [f32; 6],
 }
 
 impl Spread {
-    fn of(block: &Texels, texels: u16) -> Self {
-        let inside: [f32; 16] = std::array::from_fn(|i| f32::from(texels >> i & 1));
-        let count: f32 = inside.iter().sum();
-        let mean = std::array::from_fn(|c| {
-            block.q[c].iter().zip(&inside).map(|(q, inside)| q * inside).sum::<f32>() / count
-        });
-        let mut scatter = [0.0; 6];
-        for i in 0..16 {
-            let [r, g, b]: [f32; 3] = std::array::from_fn(|c| (block.q[c][i] - mean[c]) * inside[i]);
-            for (sum, product) in scatter.iter_mut().zip([r * r, g * g, b * b, r * g, r * b, g * b]) {
-                *sum += product;
-            }
+    fn without(&self, other: &Self) -> Self {
+        Self {
+            count: self.count - other.count,
+            sums: std::array::from_fn(|i| self.sums[i] - other.sums[i]),
+            squares: std::array::from_fn(|i| self.squares[i] - other.squares[i]),
         }
-        Self { mean, scatter }
     }
 
-    fn times(&self, [r, g, b]: [f32; 3]) -> [f32; 3] {
-        let [rr, gg, bb, rg, rb, gb] = self.scatter;
-        [rr * r + rg * g + rb * b, rg * r + gg * g + gb * b, rb * r + gb * g + bb * b]
+    fn mean(&self) -> [f32; 3] {
+        self.sums.map(|sum| sum / self.count)
     }
 
-    /// The unit direction of the largest variance, by power iteration from the widest channel's row.
-    fn axis(&self) -> [f32; 3] {
-        let [rr, gg, bb, ..] = self.scatter;
-        let mut axis = [1.0, 0.0, 0.0];
-        if gg > rr && gg >= bb {
-            axis = [0.0, 1.0, 0.0];
-        } else if bb > rr {
-            axis = [0.0, 0.0, 1.0];
-        }
-        for _ in 0..5 {
-            let next = self.times(axis);
-            let length = (next[0] * next[0] + next[1] * next[1] + next[2] * next[2]).sqrt();
-            if !(length > 1e-30) {
-                break;
-            }
-            axis = next.map(|value| value / length);
-        }
-        axis
+    /// Sums of products of differences to the mean.
+    fn scatter(&self) -> [f32; 6] {
+        let ([r, g, b], [x, y, z]) = (self.mean(), self.sums);
+        let mut scatter = self.squares;
+        let of_mean = [r * x, g * y, b * z, r * y, r * z, g * z];
+        scatter.iter_mut().zip(of_mean).for_each(|(square, of_mean)| *square -= of_mean);
+        scatter
     }
 
     fn off_line(&self) -> f32 {
-        let axis = self.axis();
-        let along: f32 = self.times(axis).iter().zip(axis).map(|(a, b)| a * b).sum();
-        let all = self.scatter[0] + self.scatter[1] + self.scatter[2];
-        (all - along).max(0.0) + along / 49.0
+        let scatter = self.scatter();
+        let axis = axis(&scatter);
+        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let along = dot(times(&scatter, axis), axis) / dot(axis, axis);
+        (scatter[0] + scatter[1] + scatter[2] - along).max(0.0) + along / 49.0
     }
+}
+
+/// A direction close to that of the largest variance, by power iteration from the widest channel's
+/// row; its length is not 1.
+fn axis(scatter: &[f32; 6]) -> [f32; 3] {
+    let trace = scatter[0] + scatter[1] + scatter[2];
+    if trace < 1e-30 {
+        return [1.0; 3];
+    }
+    let scatter = scatter.map(|value| value / trace);
+    let [rr, gg, bb, rg, rb, gb] = scatter;
+    let mut axis = [rr, rg, rb];
+    if gg > rr && gg >= bb {
+        axis = [rg, gg, gb];
+    } else if bb > rr {
+        axis = [rb, gb, bb];
+    }
+    for _ in 0..2 {
+        axis = times(&scatter, axis);
+    }
+    axis
+}
+
+fn times([rr, gg, bb, rg, rb, gb]: &[f32; 6], [r, g, b]: [f32; 3]) -> [f32; 3] {
+    [rr * r + rg * g + rb * b, rg * r + gg * g + gb * b, rb * r + gb * g + bb * b]
 }

@@ -13,30 +13,35 @@ pub(super) struct Scale {
 /// 2^112: what is between the exponents of halves and floats.
 const HALF_TO_FLOAT: f32 = f32::from_bits((127 + 112) << 23);
 
+/// 2^-14, the least half that is no denormal.
+const LEAST_NORMAL: f32 = f32::from_bits((127 - 14) << 23);
+
 impl Scale {
-    /// The position whose half is nearest to q, before rounding.
+    /// The position of the half nearest to q: its integer part has that half.
     pub(super) fn position(self, q: f32) -> f32 {
-        // Exact in both branches: a half's bits with a fraction.
-        let half = if q.abs() < 6.103_515_6e-5 {
-            q.abs() * 16_777_216.0
+        let half = if q.abs() < LEAST_NORMAL {
+            (q.abs() * 16_777_216.0 + 0.5) as u32 as f32
         } else {
-            (q.abs().to_bits() - (112 << 23)) as f32 / 8192.0
+            ((q.abs().to_bits() - (112 << 23) + (1 << 12)) >> 13) as f32
         };
-        if self.signed { ((half + 0.5) * (32.0 / 31.0)).copysign(q) } else { (half + 0.5) * (64.0 / 31.0) }
+        // In the middle of the two positions that share the half; a signed half has but one.
+        let position = if self.signed { half * (32.0 / 31.0) + 0.984 } else { (half + 0.5) * (64.0 / 31.0) };
+        position.copysign(q)
     }
 
     /// dq / d(half) at q.
     pub(super) fn slope(self, q: f32) -> f32 {
-        f32::from_bits(q.abs().max(6.103_515_6e-5).to_bits() & 0x7f80_0000) / 1024.0
+        f32::from_bits(q.abs().max(LEAST_NORMAL).to_bits() & 0x7f80_0000) / 1024.0
     }
 
     /// q at a position.
+    #[inline]
     pub(super) fn q(self, position: i32) -> f32 {
         if self.signed {
-            let bits = ((position.unsigned_abs() * 31) >> 5) << 13;
+            let bits = (((position.unsigned_abs() << 5) - position.unsigned_abs()) >> 5) << 13;
             f32::from_bits(bits | (position as u32 & 0x8000_0000)) * HALF_TO_FLOAT
         } else {
-            f32::from_bits(((position as u32 * 31) >> 6) << 13) * HALF_TO_FLOAT
+            f32::from_bits((((position << 5) - position) >> 6 << 13) as u32) * HALF_TO_FLOAT
         }
     }
 
@@ -78,10 +83,5 @@ impl Scale {
     pub(super) fn has_code(self, code: i32, bits: u32) -> bool {
         let (_, largest) = self.codes(bits);
         (if self.signed { -largest } else { 0 }..=largest).contains(&code)
-    }
-
-    /// The position between two ends: `weight` 64ths of the way.
-    pub(super) fn between(a: i32, b: i32, weight: i32) -> i32 {
-        (a * (64 - weight) + b * weight + 32) >> 6
     }
 }
