@@ -42,8 +42,8 @@ pub(super) struct TextureOptions {
     /// What samplers shall do beyond the edge; stored for engines and shaders
     #[arg(long, value_name = "MODE", value_enum, default_value = "clamp")]
     wrap: WrapChoice,
-    /// Compress .ktx2 with zstd, at a level from 1 to 22
-    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "12", value_parser = clap::value_parser!(i32).range(1..=22))]
+    /// Compress .ktx2 with zstd, at a level from 1 to 19
+    #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "12", value_parser = clap::value_parser!(i32).range(1..=19))]
     zstd: Option<i32>,
     /// Write a file for each map, as three.js and Godot load them
     #[arg(long)]
