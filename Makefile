@@ -39,9 +39,11 @@ doc:
 bench:
 	$(CARGO) bench --package relight --bench bake
 
-## What each basis reaches, as the table of docs/accuracy.md.
+## What each basis and each block format reaches, as the tables of docs/accuracy.md.
 accuracy:
 	$(CARGO) bench --package relight --bench accuracy
+	$(CARGO) bench --package relight --bench textures
+	$(CARGO) bench --package relight-texture --bench blocks
 
 ## Licences, bans and sources of all dependencies, where cargo-deny is installed.
 deny:

@@ -26,7 +26,7 @@ def planes_of_float():
 
 planes = planes_of_float()
 # The bound is on the mean difference, in parts of a plane's spread; swapped planes or rows are off by more than 1.
-bounds = {"u8": 0.05, "bc1": 0.4, "bc3": 0.4, "bc4": 0.1, "bc5": 0.1, "bc7": 0.15}
+bounds = {"u8": 0.02, "bc1": 0.15, "bc3": 0.15, "bc4": 0.05, "bc5": 0.05, "bc7": 0.06}
 for name, bound in bounds.items():
     layer = json.loads((folder / f"{name}.json").read_text())["arrays"][0]["layers"][0]
     image = Image.open(folder / f"{name}.dds")

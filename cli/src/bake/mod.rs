@@ -200,7 +200,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let spans = machine.threads as u64 * span_bytes(fitted.infos.len(), choice.basis.count(), span);
     let kept_back = format.held_bytes(&plan).saturating_add(spans);
     let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &arguments.output))?;
-    let fit = stages.time("solve", || -> Result<_, Failure> {
+    let mut fit = stages.time("solve", || -> Result<_, Failure> {
         let sample = Sample::of(&stack).map_err(relight_fit::FitError::from)?;
         interrupt::check()?;
         fit::solve(arguments, choice, &fitted, &sample)
@@ -234,6 +234,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         };
         arguments.textures.plan(&model, (width, height), &formats, &distributions, trial.as_ref())
     })?;
+    fit.notes.extend(textures::size_note(&plan.packing, width, height));
     let header = AssetHeader { width, height, model: model.clone(), packing: plan.packing.clone() };
     let outputs = format.outputs(&arguments.output, &plan.packing, settings.split)?;
     check_apart(outputs.iter().chain(&arguments.report), inputs.iter().copied())?;

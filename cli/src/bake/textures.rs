@@ -340,6 +340,19 @@ impl TextureOptions {
     }
 }
 
+/// A sentence where some engines want another size than the picture's.
+pub(super) fn size_note(packing: &Packing, width: usize, height: usize) -> Option<String> {
+    let blocks = packing.formats().any(|format| format.unit_size() > 1);
+    let filled = [width, height].map(|size| size.next_multiple_of(4));
+    (blocks && filled != [width, height]).then(|| {
+        format!(
+            "{width} x {height} is no multiple of 4: blocks are filled up beyond the edge; WebGL, WebGPU and \
+             Direct3D want the texture declared as {} x {}",
+            filled[0], filled[1]
+        )
+    })
+}
+
 /// The maps among which `auto` distinguishes: the three planes of a function or of the base colour,
 /// or a single plane.
 fn maps_of(model: &Model) -> Vec<Vec<usize>> {
@@ -426,7 +439,7 @@ mod tests {
         let left_out = [0.02, 0.3, 0.05, f64::INFINITY];
         let error = affordable_error(&left_out, 0.3);
         let psnr = |add: f64| {
-            let of = |rmse: &f64| -10.0 * (rmse * rmse + add).log10();
+            let of = |rmse: &f64| -10.0 * libm::log10(rmse * rmse + add);
             left_out[..3].iter().map(of).sum::<f64>() / 3.0
         };
         assert!((psnr(0.0) - psnr(error) - 0.3).abs() < 1e-6, "{error}");

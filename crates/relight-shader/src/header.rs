@@ -69,7 +69,8 @@ pub(crate) fn comment(
          Levels  {}; beyond the edges: {wrap}\n\
          Maps    {} in all, as array textures without sRGB decoding:\n{}\n\
          \n\
-         Bind the arrays as you like and pass them as maps_0, maps_1 ..; {bind}.\n\
+         Bind the arrays as you like and pass them as maps_0, maps_1 ..;\n\
+         {bind}.\n\
          \n\
          \x20   once a light    weights = relight_weights(direction)\n\
          \x20   once a pixel    color = relight_shade(weights, maps_0 .., texel, level)\n\

@@ -2,7 +2,7 @@
 
 use crate::language::Type;
 use crate::literal::literal;
-use crate::source::{Parameter, Source, Takes};
+use crate::source::{Index, Parameter, Source, Takes};
 use relight_core::{Layout, Model, PlaneRole};
 use relight_texture::{LayerPlan, Packing};
 use std::ops::Range;
@@ -143,6 +143,9 @@ impl Layers {
 /// Scales, biases and, where it takes one, the channels' ways.
 pub(crate) fn tables(source: &mut Source, layers: &Layers) {
     let components = |values: &[f32; 4]| values.map(literal).join(", ");
+    if layers.layers.iter().any(|l| l.scales.iter().chain(&l.biases).any(|v| v.is_subnormal())) {
+        source.comment("Numbers below 1.2e-38 are written as 0, which GPUs may take them for.");
+    }
     source.comment(
         "By layer, over all arrays in turn: coefficient = scale * texel + bias, channel by channel.",
     );
@@ -150,7 +153,7 @@ pub(crate) fn tables(source: &mut Source, layers: &Layers) {
     source.table(Type::Float4, "RELIGHT_SCALE", &rows);
     let rows: Vec<String> = layers.layers.iter().map(|layer| components(&layer.biases)).collect();
     source.table(Type::Float4, "RELIGHT_BIAS", &rows);
-    if layers.names_channels() {
+    if layers.names_channels() && !source.unrolls() {
         source.comment("By layer: the picture's channel that each channel of the texel belongs to.");
         let rows: Vec<String> = layers.layers.iter().map(|layer| integers(&layer.channels)).collect();
         source.table(Type::Int4, "RELIGHT_CHANNEL", &rows);
@@ -169,31 +172,35 @@ pub(crate) fn weights(source: &mut Source, layers: &Layers) {
     });
     let in_order =
         layers.layers.iter().enumerate().all(|(i, l)| l.part == Part::Light && l.functions[0] == i);
-    if !one_function {
-        source.comment("By layer: the function that weighs each channel of the texel, 0 where none does.");
-        let rows: Vec<String> = layers.layers.iter().map(|layer| integers(&layer.functions)).collect();
-        source.table(Type::Int4, "RELIGHT_FUNCTION", &rows);
-    } else if !in_order {
+    let as_numbered = one_function && in_order;
+    let table = !source.unrolls() && !as_numbered;
+    if table && one_function {
         source.comment("By layer: the function that weighs it, 0 for base colour, which none does.");
         let rows: Vec<String> = layers.layers.iter().map(|layer| layer.functions[0].to_string()).collect();
         source.table(Type::Int, "RELIGHT_FUNCTION", &rows);
+    } else if table {
+        source.comment("By layer: the function that weighs each channel of the texel, 0 where none does.");
+        let rows: Vec<String> = layers.layers.iter().map(|layer| integers(&layer.functions)).collect();
+        source.table(Type::Int4, "RELIGHT_FUNCTION", &rows);
     }
     source.comment("The weight of each layer's channels, from the functions of light.");
     let basis = [Parameter::new("basis", Takes::Array(Type::Float, "RELIGHT_FUNCTIONS"))];
     let made = (Type::Float4, "RELIGHT_LAYERS", "weights");
     source.array_function(made, "relight_layer_weights", &basis, |source| {
-        source.each("layer", "0", "RELIGHT_LAYERS", |source| {
+        source.each_of("layer", 0..layers.layers.len(), |source, layer| {
             let float4 = source.word(Type::Float4);
-            if one_function {
-                let function = if in_order { "layer" } else { "RELIGHT_FUNCTION[layer]" };
-                source.value(Type::Float, "weight", &format!("basis[{function}]"));
-                source.line(&format!("weights[layer] = {float4}(weight, weight, weight, weight);"));
-            } else {
-                source.value(Type::Int4, "f", "RELIGHT_FUNCTION[layer]");
-                source.line(&format!(
-                    "weights[layer] = {float4}(basis[f.x], basis[f.y], basis[f.z], basis[f.w]);"
-                ));
-            }
+            let functions = match layer {
+                Index::Number(number) => layers.layers[number].functions.map(|f| f.to_string()),
+                Index::Variable(name) if !table => [(); 4].map(|()| name.to_owned()),
+                Index::Variable(name) if one_function => {
+                    [(); 4].map(|()| format!("RELIGHT_FUNCTION[{name}]"))
+                }
+                Index::Variable(name) => {
+                    ["x", "y", "z", "w"].map(|c| format!("RELIGHT_FUNCTION[{name}].{c}"))
+                }
+            };
+            let functions = functions.map(|function| format!("basis[{function}]"));
+            vec![format!("weights[{layer}] = {float4}({});", functions.join(", "))]
         });
     });
     source.comment(

@@ -3,7 +3,7 @@
 use crate::Language;
 use crate::language::Type;
 use crate::layers::{Layers, Part, Route, Run};
-use crate::source::{Parameter, Source, Takes};
+use crate::source::{Index, Parameter, Source, Takes};
 use relight_core::{Layout, Model};
 
 /// How a function reads the maps.
@@ -32,8 +32,8 @@ impl Reads {
         match self {
             Self::Texel => "at a texel (column, row from the top) of a mip level",
             Self::Sampler => {
-                "through a sampler at uv ((0, 0) is the top left corner, (1, 1) the bottom right);\n\
-                 for fragment shaders, in uniform control flow"
+                "through a sampler at uv ((0, 0) is the\n\
+                 top left corner, (1, 1) the bottom right); for fragment shaders, in uniform control flow"
             }
             Self::SamplerAtLevel => "through a sampler at uv of a mip level, for any stage",
         }
@@ -73,14 +73,6 @@ impl Reads {
     }
 }
 
-/// Which layers a loop visits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Visits {
-    All,
-    /// Those of the part numbered `first` up to but without `end`.
-    FirstToEnd,
-}
-
 /// The functions that sum.
 pub(crate) fn write(source: &mut Source, model: &Model, layers: &Layers, maps_per_pass: Option<usize>) {
     if layers.names_channels() {
@@ -90,13 +82,12 @@ pub(crate) fn write(source: &mut Source, model: &Model, layers: &Layers, maps_pe
         source.comment(&format!("The color under the light of `weights`, {}.", reads.about()));
         let parameters = parameters(layers, reads, &[weights_parameter()]);
         source.function(Type::Float3, reads.function(), &parameters, |source| {
-            let tables = Tables::in_reach(source, layers, true);
-            let sum = sum_of(source, model, layers, &tables, Part::Light, reads, Visits::All);
+            let sum = sum_of(source, model, layers, Part::Light, reads, None);
             match model.layout {
                 Layout::Rgb => source.line(&format!("return {sum};")),
                 Layout::Grey => source.line(&format!("return {};", all_channels(source, sum))),
                 Layout::Lrgb => {
-                    let base = sum_of(source, model, layers, &tables, Part::BaseColor, reads, Visits::All);
+                    let base = sum_of(source, model, layers, Part::BaseColor, reads, None);
                     source.line(&format!("return {sum} * {base};"));
                 }
             }
@@ -122,43 +113,15 @@ fn all_channels(source: &Source, value: &str) -> String {
     format!("{}({value}, {value}, {value})", source.word(Type::Float3))
 }
 
-/// The names under which a function reads what there is by layer.
-struct Tables {
-    weights: &'static str,
-    scales: &'static str,
-    biases: &'static str,
-    channels: &'static str,
-}
-
-impl Tables {
-    /// As they are, but in WGSL as local variables: a value that is indexed by a variable is copied
-    /// as a whole each time by naga, which made 25 layers forty times as slow.
-    fn in_reach(source: &mut Source, layers: &Layers, weighs: bool) -> Self {
-        if source.language != Language::Wgsl {
-            let (scales, biases, channels) = ("RELIGHT_SCALE", "RELIGHT_BIAS", "RELIGHT_CHANNEL");
-            return Self { weights: "weights", scales, biases, channels };
-        }
-        if weighs {
-            source.line("var layer_weights = weights;");
-        }
-        source.line("var scales = RELIGHT_SCALE;");
-        source.line("var biases = RELIGHT_BIAS;");
-        if layers.names_channels() {
-            source.line("var channels = RELIGHT_CHANNEL;");
-        }
-        Self { weights: "layer_weights", scales: "scales", biases: "biases", channels: "channels" }
-    }
-}
-
-/// Writes the sum over all layers of a part, by array, then layer, then channel; returns its name.
+/// Writes the sum over the layers of a part, by array, then layer, then channel, all of them or,
+/// with so many a pass, those of pass `pass_index`; returns its name.
 fn sum_of(
     source: &mut Source,
     model: &Model,
     layers: &Layers,
-    tables: &Tables,
     part: Part,
     reads: Reads,
-    visits: Visits,
+    in_pass: Option<usize>,
 ) -> &'static str {
     let name = match part {
         Part::BaseColor => "base_color",
@@ -171,42 +134,49 @@ fn sum_of(
         source.variable(Type::Float3, name, &all_channels(source, "0.0"));
     }
     for run in layers.runs_of(part) {
-        let Run { layers, number, .. } = run;
-        let (first, end) = match visits {
-            Visits::All => (layers.start.to_string(), layers.end.to_string()),
-            Visits::FirstToEnd => {
-                let shift = layers.start - number;
-                let shift = if shift == 0 { String::new() } else { format!(" + {shift}") };
-                (format!("max(first{shift}, {})", layers.start), format!("min(end{shift}, {})", layers.end))
-            }
-        };
-        source.each("layer", &first, &end, |source| add_layer(source, run, tables, reads, name));
+        add_run(source, layers, run, reads, name, in_pass);
     }
     name
 }
 
-/// The body of the loop over a run's layers: the layer's products, added to `sum` one by one.
-fn add_layer(source: &mut Source, run: &Run, tables: &Tables, reads: Reads, sum: &str) {
+/// Adds the products of a run's layers to `sum`, one by one; with `in_pass` layers a pass those of pass
+/// `pass_index` alone.
+fn add_run(source: &mut Source, layers: &Layers, run: &Run, reads: Reads, sum: &str, in_pass: Option<usize>) {
     let maps = format!("maps_{}", run.array);
-    let layer =
-        if run.array_start == 0 { "layer".to_owned() } else { format!("layer - {}", run.array_start) };
-    source.value(Type::Float4, "q", &reads.read(source.language, &maps, &layer));
-    let Tables { weights, scales, biases, channels: ways } = tables;
-    let coefficient = format!("{scales}[layer] * q + {biases}[layer]");
-    let product = match run.part {
-        Part::Light => format!("{weights}[layer] * ({coefficient})"),
-        Part::BaseColor => coefficient,
-    };
-    source.value(Type::Float4, "p", &product);
-    let channels = &["x", "y", "z", "w"];
-    let named = |channel: &&str| format!("relight_in_channel(p.{channel}, {ways}[layer].{channel})");
-    let terms: Vec<String> = match run.route {
-        Route::Luminance(planes) => channels[..planes].iter().map(|c| format!("p.{c}")).collect(),
-        Route::Rgb => vec!["p.xyz".to_owned()],
-        Route::RgbAndOther => vec!["p.xyz".to_owned(), named(&channels[3])],
-        Route::Named(planes) => channels[..planes].iter().map(named).collect(),
-    };
-    source.line(&format!("{sum} = {sum} + {};", terms.join(" + ")));
+    source.each_of("layer", run.layers.clone(), |source, layer| {
+        let q = reads.read(source.language, &maps, &layer.minus(run.array_start));
+        let [scale, bias] = ["RELIGHT_SCALE", "RELIGHT_BIAS"].map(|table| source.element(table, layer));
+        let coefficient = format!("{scale} * {q} + {bias}");
+        let product = match run.part {
+            Part::Light => format!("weights[{layer}] * ({coefficient})"),
+            Part::BaseColor => coefficient,
+        };
+        let components = ["x", "y", "z", "w"];
+        let named = |c: usize| {
+            let channel = match layer {
+                Index::Number(number) => layers.layers[number].channels[c].to_string(),
+                Index::Variable(name) => format!("RELIGHT_CHANNEL[{name}].{}", components[c]),
+            };
+            format!("relight_in_channel(p.{}, {channel})", components[c])
+        };
+        let terms: Vec<String> = match run.route {
+            Route::Luminance(planes) => components[..planes].iter().map(|c| format!("p.{c}")).collect(),
+            Route::Rgb => vec!["p.xyz".to_owned()],
+            Route::RgbAndOther => vec!["p.xyz".to_owned(), named(3)],
+            Route::Named(planes) => (0..planes).map(named).collect(),
+        };
+        let product = source.value_statement(Type::Float4, "p", &product);
+        let add = format!("{sum} = {sum} + {};", terms.join(" + "));
+        let Some(maps) = in_pass else {
+            return vec![product, add];
+        };
+        let not_lit = run.layers.start - run.number;
+        let pass = match layer {
+            Index::Number(index) => ((index - not_lit) / maps).to_string(),
+            Index::Variable(_) => format!("{} / RELIGHT_MAPS_PER_PASS", layer.minus(not_lit)),
+        };
+        vec![format!("if (pass_index == {pass}) {{ {product} {add} }}")]
+    });
 }
 
 fn in_channel(source: &mut Source) {
@@ -240,10 +210,7 @@ fn passes(source: &mut Source, model: &Model, layers: &Layers, maps: usize) {
         source.comment(&format!("The terms of pass 0 .. RELIGHT_PASSES - 1, {}.", reads.about()));
         let (parameters, name) = (parameters(layers, reads, &before), format!("{}_pass", reads.function()));
         source.function(Type::Float3, &name, &parameters, |source| {
-            source.value(Type::Int, "first", "pass_index * RELIGHT_MAPS_PER_PASS");
-            source.value(Type::Int, "end", "first + RELIGHT_MAPS_PER_PASS");
-            let tables = Tables::in_reach(source, layers, true);
-            let sum = sum_of(source, model, layers, &tables, Part::Light, reads, Visits::FirstToEnd);
+            let sum = sum_of(source, model, layers, Part::Light, reads, Some(maps));
             let sum = if sum == "luminance" { all_channels(source, sum) } else { sum.to_owned() };
             source.line(&format!("return {sum};"));
         });
@@ -252,8 +219,7 @@ fn passes(source: &mut Source, model: &Model, layers: &Layers, maps: usize) {
         source.comment(&format!("The color from the sum of all passes, {}.", reads.about()));
         let parameters = parameters(layers, reads, &[Parameter::value("sum", Type::Float3)]);
         source.function(Type::Float3, &format!("{}_finish", reads.function()), &parameters, |source| {
-            let tables = Tables::in_reach(source, layers, false);
-            let base = sum_of(source, model, layers, &tables, Part::BaseColor, reads, Visits::All);
+            let base = sum_of(source, model, layers, Part::BaseColor, reads, None);
             source.line(&format!("return sum * {base};"));
         });
     }

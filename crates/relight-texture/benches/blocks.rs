@@ -67,7 +67,7 @@ fn row(format: BlockFormat, coding: BlockCoding, inputs: &[Input; 3]) {
                 encode_blocks(format, coding, texels, input.width, blocks);
             }
         });
-        direct += by_dds(format, coding, &some, input.width).unwrap_or(f64::NAN);
+        direct += by_dds(format, coding, &some, input.width).unwrap_or(f64::INFINITY);
         megapixels += (some.len() / channels) as f64 / 1e6;
         let mut decoded = vec![0.0; some.len()];
         decode_blocks(format, &blocks, input.width, &mut decoded);
@@ -76,13 +76,13 @@ fn row(format: BlockFormat, coding: BlockCoding, inputs: &[Input; 3]) {
         figures.push(format!("{:.2}", 10.0 * libm::log10(some.len() as f64 / squares)));
     }
     println!(
-        "| {} | {} | {} | {:.3} | {} | {:.3} |",
+        "| {} | {} | {} | {:.3} | {} | {} |",
         format.name(),
         coding.quality.name(),
         coding.encoder.name(),
         megapixels / seconds,
         figures.join(" / "),
-        megapixels / direct
+        if direct.is_finite() { format!("{:.3}", megapixels / direct) } else { "-".to_owned() }
     );
 }
 

@@ -26,6 +26,6 @@ pub(crate) fn write(source: &mut Source, basis: &Basis) {
         Basis::Ptm(_) => ptm::body(source, basis),
         Basis::Sh(_) => sh::body(source),
         Basis::Hsh(_) => hsh::body(source, basis.count()),
-        Basis::Srbf(srbf) => srbf::body(source, srbf.kernel()),
+        Basis::Srbf(_) => srbf::body(source, basis.count()),
     });
 }

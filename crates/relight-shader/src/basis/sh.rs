@@ -23,8 +23,8 @@ pub(super) fn constants(source: &mut Source, order: usize) {
     }
     source.comment("Spherical harmonics: the factor at l = m, and the factors of each step from l to l + 1.");
     source.constant(Type::Int, "RELIGHT_SH_ORDER", &order.to_string());
-    source.table(Type::Float, "RELIGHT_SH_FIRST", &firsts);
-    source.table(Type::Float2, "RELIGHT_SH_STEP", &steps);
+    source.indexed_table(Type::Float, "RELIGHT_SH_FIRST", &firsts);
+    source.indexed_table(Type::Float2, "RELIGHT_SH_STEP", &steps);
 }
 
 pub(super) fn body(source: &mut Source) {

@@ -34,6 +34,7 @@ pub(super) fn constants(source: &mut Source, srbf: &Srbf) {
     if srbf.kernel() == Kernel::Geodesic {
         angle(source);
     }
+    gaussian(source, srbf.kernel());
 }
 
 /// Drivers may be off by 1e-3 in `acos`; the chord and a polynomial are not.
@@ -58,16 +59,25 @@ fn angle(source: &mut Source) {
     });
 }
 
-pub(super) fn body(source: &mut Source, kernel: Kernel) {
-    source.each("i", "0", "RELIGHT_FUNCTIONS", |source| match kernel {
+/// The Gaussian around a centre.
+fn gaussian(source: &mut Source, kernel: Kernel) {
+    let vectors = [Parameter::value("l", Type::Float3), Parameter::value("centre", Type::Float3)];
+    source.comment("The Gaussian around a centre.");
+    source.function(Type::Float, "relight_gaussian", &vectors, |source| match kernel {
         Kernel::Geodesic => {
-            source.value(Type::Float, "angle", "relight_angle(l, RELIGHT_CENTRE[i])");
-            source.line("basis[i] = exp(-RELIGHT_SHARPNESS * angle * angle);");
+            source.value(Type::Float, "angle", "relight_angle(l, centre)");
+            source.line("return exp(-RELIGHT_SHARPNESS * angle * angle);");
         }
         Kernel::Spherical => {
-            source.comment("cosine - 1 is half the chord's square, which keeps its digits near the centre.");
-            source.value(Type::Float3, "chord", "l - RELIGHT_CENTRE[i]");
-            source.line("basis[i] = exp(-RELIGHT_SHARPNESS * dot(chord, chord));");
+            source.comment("cosine - 1 is minus half the chord's square, which keeps its digits.");
+            source.value(Type::Float3, "chord", "l - centre");
+            source.line("return exp(-RELIGHT_SHARPNESS * dot(chord, chord));");
         }
+    });
+}
+
+pub(super) fn body(source: &mut Source, count: usize) {
+    source.each_of("i", 0..count, |source, i| {
+        vec![format!("basis[{i}] = relight_gaussian(l, {});", source.element("RELIGHT_CENTRE", i))]
     });
 }

@@ -6,10 +6,10 @@ use relight_texture::{
     ArrayPlan, BlockFormat, LayerPlan, Packing, Precision, Quantizer, TexelFormat, Wrap, planes_of_layers,
 };
 
-pub const LAYOUTS: [Layout; 3] = [Layout::Grey, Layout::Rgb, Layout::Lrgb];
+pub(crate) const LAYOUTS: [Layout; 3] = [Layout::Grey, Layout::Rgb, Layout::Lrgb];
 
 /// Every plain and block format.
-pub fn formats() -> Vec<TexelFormat> {
+pub(crate) fn formats() -> Vec<TexelFormat> {
     let plain = [1, 4].map(|channels| TexelFormat::Plain { precision: Precision::U8, channels });
     let halves = TexelFormat::Plain { precision: Precision::F16, channels: 4 };
     let blocks = BlockFormat::all().map(TexelFormat::Block);
@@ -23,7 +23,7 @@ fn lights() -> LightSet {
 }
 
 /// Every family at each of `counts` that it has, both kernels, centres on a cap and on the sphere.
-pub fn bases(counts: &[usize]) -> Vec<Basis> {
+pub(crate) fn bases(counts: &[usize]) -> Vec<Basis> {
     let lights = lights();
     let mut all = Vec::new();
     for family in &FAMILIES {
@@ -40,13 +40,13 @@ pub fn bases(counts: &[usize]) -> Vec<Basis> {
     all
 }
 
-pub fn model(basis: &Basis, layout: Layout) -> Model {
+pub(crate) fn model(basis: &Basis, layout: Layout) -> Model {
     let space = if layout == Layout::Grey { Space::Linear } else { Space::Encoded };
     Model { basis: basis.clone(), layout, space, lights: Vec::new(), figures: None }
 }
 
 /// Distinct by plane, of both signs, and such that no two planes could be swapped unnoticed.
-pub fn quantizer(plane: usize) -> Quantizer {
+pub(crate) fn quantizer(plane: usize) -> Quantizer {
     let p = plane as f32;
     Quantizer {
         scale: 0.3 + 0.0137 * p,
@@ -54,7 +54,7 @@ pub fn quantizer(plane: usize) -> Quantizer {
     }
 }
 
-pub fn layers_of(planes: Vec<Vec<usize>>) -> Vec<LayerPlan> {
+pub(crate) fn layers_of(planes: Vec<Vec<usize>>) -> Vec<LayerPlan> {
     let plan = |planes: Vec<usize>| LayerPlan {
         quantizers: planes.iter().map(|&plane| quantizer(plane)).collect(),
         planes,
@@ -63,14 +63,14 @@ pub fn layers_of(planes: Vec<Vec<usize>>) -> Vec<LayerPlan> {
 }
 
 /// All layers in one array of `format`.
-pub fn packed(model: &Model, format: TexelFormat) -> Packing {
+pub(crate) fn packed(model: &Model, format: TexelFormat) -> Packing {
     let layers = layers_of(planes_of_layers(model, format));
     Packing { arrays: vec![ArrayPlan { format, layers }], levels: 1, wrap: Wrap::Clamp }
 }
 
 /// Layers dealt in turn to three arrays of three formats, base colour ahead of luminance in the last: no
 /// array holds planes in order and none but the first starts at layer 0.
-pub fn mixed(model: &Model) -> Packing {
+pub(crate) fn mixed(model: &Model) -> Packing {
     let block = TexelFormat::Block;
     let formats = [BlockFormat::Bc7, BlockFormat::Bc5, BlockFormat::Bc4Signed].map(block);
     let planes = 0..model.plane_count();
@@ -101,7 +101,7 @@ pub fn mixed(model: &Model) -> Packing {
 }
 
 /// Every packing of `model`; of many functions, those that differ most.
-pub fn packings(model: &Model) -> Vec<Packing> {
+pub(crate) fn packings(model: &Model) -> Vec<Packing> {
     let few = [BlockFormat::Bc3, BlockFormat::Bc4].map(TexelFormat::Block).to_vec();
     let formats = if model.basis.count() > 16 { few } else { formats() };
     formats.into_iter().map(|format| packed(model, format)).chain([mixed(model)]).collect()

@@ -33,11 +33,13 @@ fn quality(coding: BlockCoding) -> CompressionQuality {
     }
 }
 
-/// Texels of one or two channels as RGB, moved from `low`..1 to 0..1.
-fn as_rgb(row: &BlockRow<'_>, low: f32) -> Vec<f32> {
+/// Texels of one or two channels moved from `low`..1 to 0..1; two become RGB, as `dds` has no pairs.
+fn moved(row: &BlockRow<'_>, low: f32) -> Vec<f32> {
     let moved = |value: f32| (value - low) / (1.0 - low);
-    let texels = row.texels.chunks_exact(row.channels);
-    texels.flat_map(|texel| [moved(texel[0]), texel.get(1).map_or(0.0, |value| moved(*value)), 0.0]).collect()
+    match row.channels {
+        1 => row.texels.iter().map(|value| moved(*value)).collect(),
+        _ => row.texels.chunks_exact(2).flat_map(|pair| [moved(pair[0]), moved(pair[1]), 0.0]).collect(),
+    }
 }
 
 pub(super) fn bc1(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
@@ -49,19 +51,26 @@ pub(super) fn bc3(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
 }
 
 pub(super) fn bc4(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    encode(Format::BC4_UNORM, ColorFormat::RGB_F32, &as_rgb(&row, 0.0), row.width, quality(coding), out);
+    encode(Format::BC4_UNORM, ColorFormat::GRAYSCALE_F32, row.texels, row.width, quality(coding), out);
 }
 
 pub(super) fn bc4_signed(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    encode(Format::BC4_SNORM, ColorFormat::RGB_F32, &as_rgb(&row, -1.0), row.width, quality(coding), out);
+    encode(
+        Format::BC4_SNORM,
+        ColorFormat::GRAYSCALE_F32,
+        &moved(&row, -1.0),
+        row.width,
+        quality(coding),
+        out,
+    );
 }
 
 pub(super) fn bc5(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    encode(Format::BC5_UNORM, ColorFormat::RGB_F32, &as_rgb(&row, 0.0), row.width, quality(coding), out);
+    encode(Format::BC5_UNORM, ColorFormat::RGB_F32, &moved(&row, 0.0), row.width, quality(coding), out);
 }
 
 pub(super) fn bc5_signed(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    encode(Format::BC5_SNORM, ColorFormat::RGB_F32, &as_rgb(&row, -1.0), row.width, quality(coding), out);
+    encode(Format::BC5_SNORM, ColorFormat::RGB_F32, &moved(&row, -1.0), row.width, quality(coding), out);
 }
 
 pub(super) fn bc7(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {

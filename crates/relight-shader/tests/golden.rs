@@ -1,0 +1,39 @@
+//! The text for one small asset in each language, to the byte.
+//!
+//! RELIGHT_UPDATE_GOLDEN=1 writes the files anew: look at what changed before it is committed.
+
+mod lopsided;
+
+use lopsided::{bases, layers_of, model};
+use relight_core::Layout;
+use relight_shader::{Language, ShaderOptions, shader};
+use relight_texture::{ArrayPlan, BlockFormat, Packing, TexelFormat, Wrap};
+use std::path::Path;
+
+#[test]
+fn text_is_what_it_was() {
+    let basis = bases(&[4]).into_iter().find(|basis| basis.family().name == "srbf").unwrap();
+    let model = model(&basis, Layout::Lrgb);
+    let array = |format, planes| ArrayPlan { format: TexelFormat::Block(format), layers: layers_of(planes) };
+    let arrays = vec![
+        array(BlockFormat::Bc5, vec![vec![0, 1], vec![2, 3]]),
+        array(BlockFormat::Bc7, vec![vec![4, 5, 6]]),
+    ];
+    let packing = Packing { arrays, levels: 5, wrap: Wrap::Repeat };
+    for language in Language::all() {
+        for maps_per_pass in [None, Some(1)] {
+            let text = shader(&model, &packing, 20, 12, &ShaderOptions { language, maps_per_pass });
+            let suffix = if maps_per_pass.is_some() { "_passes" } else { "" };
+            let name = format!("tests/golden/srbf4_lrgb{suffix}.{}", language.name());
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+            if std::env::var("RELIGHT_UPDATE_GOLDEN").is_ok_and(|value| value == "1") {
+                std::fs::write(&path, &text).unwrap();
+            }
+            let golden = std::fs::read_to_string(&path).unwrap();
+            for (number, (got, expected)) in (1..).zip(text.lines().zip(golden.lines())) {
+                assert_eq!(got, expected, "{} line {number}", path.display());
+            }
+            assert_eq!(text, golden, "{}", path.display());
+        }
+    }
+}
