@@ -95,3 +95,46 @@ fn reach(plane: &RelightingMap, width: usize, height: usize) -> f64 {
     }
     f64::from(reach)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use relight_core::{Design, Family, Layout, LightSet, Model, Space, Texels};
+    use relight_texture::{ArrayPlan, LayerPlan, Quantizer, Wrap};
+
+    /// Luminance in BC4, base colour in BC5 SNORM and BC1, a scale of its own in every plane.
+    #[test]
+    fn the_bound_is_that_of_the_errors_by_hand() {
+        let basis = Family::by_name("ptm").unwrap().build(&Design::new(6, &LightSet::default())).unwrap();
+        let model =
+            Model { basis, layout: Layout::Lrgb, space: Space::Encoded, lights: vec![], figures: None };
+        let scales: Vec<f32> = (0..9).map(|p| 1.0 + 0.5 * p as f32).collect();
+        let plane =
+            |p: usize| RelightingMap { scale: scales[p], bias: -1.0, texels: Texels::F32(vec![0.25, 1.0]) };
+        let planes = (0..9).map(plane).collect();
+        let maps = RelightingMaps { width: 1, height: 2, model, planes };
+        let layer = |planes: &[usize]| LayerPlan {
+            planes: planes.to_vec(),
+            quantizers: planes.iter().map(|p| Quantizer { scale: scales[*p], bias: -1.0 }).collect(),
+        };
+        let array = |block, layers: &[&[usize]]| ArrayPlan {
+            format: TexelFormat::Block(block),
+            layers: layers.iter().map(|planes| layer(planes)).collect(),
+        };
+        let packing = Packing {
+            arrays: vec![
+                array(BlockFormat::Bc4, &[&[0], &[1], &[2], &[3], &[4], &[5]]),
+                array(BlockFormat::Bc5Signed, &[&[6, 7]]),
+                array(BlockFormat::Bc1, &[&[8]]),
+            ],
+            levels: 1,
+            wrap: Wrap::Clamp,
+        };
+        // Light from above: functions u^2, v^2, uv, u, v are 0, the constant is 1: plane 5, scale
+        // 3.5, from -0.125 to 2.5. Base colours reach 3, 3.5 and 4; the second is worst.
+        let (luminance, base) = (0.008 * 3.5, 0.016 * 4.5);
+        let expected = luminance * 3.5 + 2.5 * base + luminance * base;
+        let found = DecodingBound::new(&maps, &packing).at(Direction::OUT);
+        assert!((found - expected).abs() < 1e-6, "{found} instead of {expected}");
+    }
+}

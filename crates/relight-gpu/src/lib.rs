@@ -1,4 +1,21 @@
-//! Draws packed maps on the GPU and hands the pixels back.
+//! Draws packed maps on the GPU by the shader that `relight-shader` writes, and hands the pixels back.
+//!
+//! [`GpuMaps`] holds an asset as textures and draws it under a light; [`Difference`] compares the
+//! picture with the reference relighter's, [`DecodingBound`] says how far it may be off where the
+//! GPU decodes blocks itself, and [`decoding_differences`] what that decoding is worth.
+//! [`GpuWindow`] shows pictures.
+//!
+//! Pictures are floats to the bit: they are drawn as their bits into integer textures, which every
+//! adapter has, OpenGL included. Errors of the device come back as [`GpuError`], never as a panic.
+//!
+//! ```
+//! use relight_gpu::{Backend, Gpu, GpuError};
+//! match Gpu::open(Backend::Any) {
+//!     Ok(gpu) => assert!(!gpu.name().is_empty()),
+//!     Err(GpuError::NoAdapter { .. }) => {} // then `relight verify` exits with 6
+//!     Err(error) => panic!("{error}"),
+//! }
+//! ```
 
 mod bound;
 mod decoding;

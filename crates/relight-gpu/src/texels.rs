@@ -132,14 +132,12 @@ pub(crate) fn with_layers_at_most(maps: PackedMaps, most: usize) -> PackedMaps {
     PackedMaps { packing, texels, ..maps }
 }
 
-/// Texels of `from` channels as bytes of floats of `to` channels; what is added is 0, the fourth 1.
+/// Texels of `from` channels as bytes of floats of `to` channels, those that are added 0.
 fn floats_of_channels(texels: &[f32], from: usize, to: usize) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(texels.len() / from * to * 4);
     for texel in texels.chunks_exact(from) {
-        for channel in 0..to {
-            let beyond = if channel == 3 { 1.0 } else { 0.0 };
-            bytes.extend(texel.get(channel).unwrap_or(&beyond).to_le_bytes());
-        }
+        let added = std::iter::repeat_n(&0.0, to - from);
+        bytes.extend(texel.iter().chain(added).flat_map(|value| value.to_le_bytes()));
     }
     bytes
 }
@@ -150,4 +148,44 @@ fn halves(bytes: &[u8]) -> impl Iterator<Item = f16> + '_ {
 
 fn floats(bytes: &[u8]) -> impl Iterator<Item = f32> + '_ {
     bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use relight_core::{Design, Family, Layout, LightSet, Model, Space};
+    use relight_texture::{LayerPlan, Quantizer, Wrap};
+
+    /// Five planes of codes in layers of one channel, out of order, with two levels.
+    fn maps() -> PackedMaps {
+        let basis = Family::by_name("srbf").unwrap().build(&Design::new(5, &LightSet::default())).unwrap();
+        let model =
+            Model { basis, layout: Layout::Grey, space: Space::Linear, lights: vec![], figures: None };
+        let layer = |plane: usize| LayerPlan {
+            planes: vec![plane],
+            quantizers: vec![Quantizer { scale: 1.0 + plane as f32, bias: -0.5 * plane as f32 }],
+        };
+        let format = TexelFormat::Plain { precision: Precision::U8, channels: 1 };
+        let array = ArrayPlan { format, layers: [3, 0, 4, 1, 2].map(layer).to_vec() };
+        let codes = |texels: u8, first: u8| (0..5 * texels).map(|i| first + 7 * i).collect::<Vec<_>>();
+        let texels = vec![vec![codes(6, 1), codes(1, 200)]];
+        let packing = Packing { arrays: vec![array], levels: 2, wrap: Wrap::Clamp };
+        PackedMaps { width: 3, height: 2, model, packing, texels }
+    }
+
+    #[test]
+    fn arrays_in_parts_and_arrays_of_floats_hold_the_same_coefficients() {
+        let whole = maps();
+        let parts = with_layers_at_most(maps(), 2);
+        assert_eq!(parts.packing.arrays.iter().map(|a| a.layers.len()).collect::<Vec<_>>(), [2, 2, 1]);
+        let floats = with_floats(&parts, |_| true);
+        for level in [0, 1] {
+            let expected = maps_of_level(&whole, level).coefficient_map();
+            assert_eq!(maps_of_level(&parts, level).coefficient_map(), expected);
+            assert_eq!(maps_of_level(&floats, level).coefficient_map(), expected);
+        }
+        // Plane 3 lies in the first layer: 4 x code / 255 - 1.5.
+        let map = maps_of_level(&whole, 0).coefficient_map();
+        assert_eq!(map.planes[3][2], 4.0 * (15.0 / 255.0) - 1.5);
+    }
 }
