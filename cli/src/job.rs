@@ -6,7 +6,7 @@
 
 use crate::bake::BakeArguments;
 use crate::failure::{Failure, words_of_parser};
-use clap::{Arg, Args, Command};
+use clap::{Arg, ArgAction, Args, Command};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -66,7 +66,8 @@ fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<O
         if sized && SIZES.contains(&key.as_str()) {
             continue;
         }
-        let flag = arg.get_num_args().is_some_and(|range| range.min_values() == 0);
+        let flag = matches!(arg.get_action(), ArgAction::SetTrue)
+            || arg.get_num_args().is_some_and(|range| range.min_values() == 0);
         let mut text = match value {
             // `mips = true` is --mips; `zstd = true` is --zstd at its own level.
             toml::Value::Boolean(wanted) if flag => {

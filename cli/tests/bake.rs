@@ -148,7 +148,7 @@ fn float_pictures_are_fitted_linear_and_judged_on_both_scales() {
     write_lines(&here.join("capture/lights.lp"), &lines);
     relight(here, "bake capture -o a.ktx2 --basis hsh -k 9 --precision f32").ok();
     let info = relight(here, "info a.ktx2 --json").ok().json();
-    assert_eq!((&info["space"], &info["precision"]), (&"linear".into(), &"f32".into()));
+    assert_eq!((&info["space"], &info["texels"]), (&"linear".into(), &"f32".into()));
     let judged = relight(here, "evaluate a.ktx2 capture --json").ok().json();
     assert_eq!(judged["values"], "linear");
     assert!(mean_psnr(&judged) > 28.0, "{}", judged["mean"]);

@@ -190,8 +190,18 @@ fn targets_that_can_not_be_written_are_refused() {
         // Stands for a folder without permission, which root does not know.
         ("out/a.png/a.ktx2", 4, &["out/a.png/a.ktx2", "there is no folder"]),
         ("out/folder.ktx2", 2, &["out/folder.ktx2", "is a folder", "name a file"]),
-        ("out/a.dds", 2, &["out/a.dds", ".ktx2, .exr, .ptm"]),
-        ("out/a", 2, &["out/a", ".ktx2, .exr, .ptm"]),
+        ("out/a.tga", 2, &["out/a.tga", ".ktx2, .dds, .exr, .ptm"]),
+        ("out/a", 2, &["out/a", ".ktx2, .dds, .exr, .ptm"]),
+        // What stands there is no file of an asset.
+        ("out/a.dds", 2, &["out/a.json", "no part", "another name"]),
+        ("out/a.ktx2 --block bc8", 2, &["none, auto or a format", "bc7"]),
+        ("out/a.ktx2 --block bc7 --precision f16", 2, &["--precision f16 and --block exclude"]),
+        ("out/a.ktx2 --bits-per-pixel 8", 2, &["--bits-per-pixel belongs to --block auto"]),
+        ("out/a.ktx2 --block auto --bits-per-pixel 1", 5, &["--bits-per-pixel"]),
+        ("out/a.ptm --block bc1", 2, &["out/a.ptm", "bc1"]),
+        ("out/a.exr --mips", 2, &["out/a.exr"]),
+        ("out/a.dds --zstd", 2, &["out/a.dds"]),
+        ("out/a.ktx2 --zstd=20", 2, &["--zstd", "1..=19"]),
         ("out/a.ptm --basis hsh", 2, &["out/a.ptm", "ptm with 6 functions, not hsh with 9", "--basis ptm"]),
         ("out/a.ptm -k 10", 2, &["out/a.ptm", "not ptm with 10"]),
         ("out/a.ptm --precision f16", 2, &["out/a.ptm", "u8", "not f16"]),
@@ -228,7 +238,7 @@ fn renderings_that_can_not_be_made_are_refused() {
         ("a.ktx2 -o out/a.png --lights capture/lights.lp", 4, &["out/a.png"]),
         ("a.ktx2 -o out --lights none.lp", 4, &["none.lp"]),
         ("none.ktx2 -o out/a.png --light 0,0,1", 4, &["none.ktx2"]),
-        ("out/a.ktx2 -o out/a.png --light 0,0,1", 3, &["out/a.ktx2", "no asset", ".ktx2, .exr, .ptm"]),
+        ("out/a.ktx2 -o out/a.png --light 0,0,1", 3, &["out/a.ktx2", "no asset", ".ktx2, .dds, .exr, .ptm"]),
         ("capture/p00.png -o out/a.png --light 0,0,1", 3, &["p00.png", "no asset"]),
     ] {
         assert_refused(here, &format!("render {line}"), code, words);

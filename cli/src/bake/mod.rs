@@ -236,7 +236,8 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     })?;
     fit.notes.extend(textures::size_note(&plan.packing, width, height));
     let header = AssetHeader { width, height, model: model.clone(), packing: plan.packing.clone() };
-    let outputs = format.outputs(&arguments.output, &plan.packing, settings.split)?;
+    let outputs =
+        format.outputs(&arguments.output, &plan.packing, settings.split).map_err(Failure::of_output)?;
     check_apart(outputs.iter().chain(&arguments.report), inputs.iter().copied())?;
     let writer = format.create(&arguments.output, header, &settings)?;
     let bar = progress::bar("fitting", stack.pixels());
