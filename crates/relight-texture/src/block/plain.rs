@@ -6,7 +6,7 @@ use super::encode::BlockRow;
 use super::{BlockCoding, Quality, bc4};
 use dds::{ColorFormat, CompressionQuality, Dithering, EncodeOptions, ErrorMetric, Format, ImageView, Size};
 
-/// Encodes by `dds`; `texels` hold the channels of `color`, 0..1 also for signed formats.
+/// Encodes by `dds`; `texels` hold the channels of `color`.
 fn encode(
     format: Format,
     color: ColorFormat,
