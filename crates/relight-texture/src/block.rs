@@ -3,6 +3,7 @@
 //! A format is a row of the table below: what it holds, who encodes a row of its blocks and who
 //! decodes a block. Padding, strips and clean values are the same for all (`encode`, `decode`).
 
+mod bc4;
 mod bc6h;
 mod coding;
 mod decode;
@@ -71,10 +72,10 @@ use TexelDomain::{Signed, Unit};
 static FACTS: [Facts; 9] = [
     facts(BlockFormat::Bc1, "bc1", (3, 8, Unit), (plain::bc1, None), decode::BC1),
     facts(BlockFormat::Bc3, "bc3", (4, 16, Unit), (plain::bc3, None), decode::BC3),
-    facts(BlockFormat::Bc4, "bc4", (1, 8, Unit), (plain::bc4, None), decode::BC4),
-    facts(BlockFormat::Bc4Signed, "bc4s", (1, 8, Signed), (plain::bc4_signed, None), decode::BC4_SIGNED),
-    facts(BlockFormat::Bc5, "bc5", (2, 16, Unit), (plain::bc5, None), decode::BC5),
-    facts(BlockFormat::Bc5Signed, "bc5s", (2, 16, Signed), (plain::bc5_signed, None), decode::BC5_SIGNED),
+    facts(BlockFormat::Bc4, "bc4", (1, 8, Unit), (bc4::bc4, None), decode::BC4),
+    facts(BlockFormat::Bc4Signed, "bc4s", (1, 8, Signed), (bc4::bc4_signed, None), decode::BC4_SIGNED),
+    facts(BlockFormat::Bc5, "bc5", (2, 16, Unit), (bc4::bc5, None), decode::BC5),
+    facts(BlockFormat::Bc5Signed, "bc5s", (2, 16, Signed), (bc4::bc5_signed, None), decode::BC5_SIGNED),
     facts(BlockFormat::Bc6h, "bc6h", (3, 16, Unit), (bc6h::unsigned, foreign::BC6H), decode::BC6H),
     facts(BlockFormat::Bc6hSigned, "bc6hs", (3, 16, Signed), (bc6h::signed, None), decode::BC6H_SIGNED),
     facts(BlockFormat::Bc7, "bc7", (3, 16, Unit), (plain::bc7, foreign::BC7), decode::BC7),

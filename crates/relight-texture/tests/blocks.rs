@@ -155,12 +155,12 @@ fn floors(format: BlockFormat) -> [f64; 4] {
     match format {
         BlockFormat::Bc1 => [41.3, 41.3, 41.4, 41.4],
         BlockFormat::Bc3 => [42.5, 42.5, 42.6, 42.6],
-        BlockFormat::Bc4 => [54.3, 54.4, 58.5, 60.5],
-        BlockFormat::Bc4Signed => [54.3, 54.4, 58.6, 58.6],
-        BlockFormat::Bc5 => [55.3, 55.5, 58.1, 59.1],
-        BlockFormat::Bc5Signed => [55.3, 55.5, 58.1, 58.1],
+        BlockFormat::Bc4 => [54.3, 56.1, 59.2, 60.1],
+        BlockFormat::Bc4Signed => [54.3, 56.3, 59.3, 60.1],
+        BlockFormat::Bc5 => [55.3, 56.8, 58.6, 58.9],
+        BlockFormat::Bc5Signed => [55.3, 56.9, 58.6, 58.9],
         BlockFormat::Bc6h => [46.1, 49.8, 49.9, 49.9],
-        BlockFormat::Bc6hSigned => [44.7, 46.4, 46.5, 46.6],
+        BlockFormat::Bc6hSigned => [44.7, 46.4, 46.5, 46.5],
         BlockFormat::Bc7 => [46.3, 49.6, 50.2, 50.3],
     }
 }
@@ -401,11 +401,11 @@ fn portable_bytes_are_the_same_on_every_machine() {
     let found: Vec<_> = BlockFormat::all().map(|format| (format.name(), bytes_of(format))).collect();
     let golden = [
         ("bc1", [0xdd8b_ccd6_ab8b_2e37, 0xacff_ee30_f34b_919b, 0x8868_0ef8_11da_766b]),
-        ("bc3", [0x82e9_10e5_39e3_ce8b, 0x90cb_09ac_c614_2453, 0xb31d_f7b3_7e36_217b]),
-        ("bc4", [0x5a6b_5051_4555_ea2e, 0x0707_1356_3b3c_760c, 0x0993_7a65_5808_04ce]),
-        ("bc4s", [0xe284_2765_5b25_2a52, 0x25ed_be16_255c_f57a, 0x6803_a46a_3cb8_ac97]),
-        ("bc5", [0x120c_3670_d72e_81c8, 0x923d_5fec_579d_8025, 0x9a46_37fa_a753_3748]),
-        ("bc5s", [0x843e_107e_b67d_37bf, 0x82d4_b2d5_2a07_c219, 0xa353_6c87_d899_f7e6]),
+        ("bc3", [0x82e9_10e5_39e3_ce8b, 0x7470_85c9_df38_7330, 0x00db_8236_3f36_abb0]),
+        ("bc4", [0xc4a1_16c8_5850_a93e, 0x922f_8250_79c2_7bf4, 0xb19b_ea04_db55_c25b]),
+        ("bc4s", [0x0b35_5861_f358_cda3, 0xbf20_f8b1_49b7_d52e, 0xd020_57c4_2bdc_8e98]),
+        ("bc5", [0xf7fa_fd3e_6b6d_709f, 0x0f31_2b5e_4d30_8a27, 0x9218_7907_ee36_2170]),
+        ("bc5s", [0x31e9_e49f_235d_14ed, 0x24b8_483c_e6bc_5a47, 0x5462_afb9_b0c0_005b]),
         ("bc6h", [0x6c66_e567_f495_648b, 0xffd3_4e94_2ef9_8c2f, 0xdcaf_8313_c119_aec7]),
         ("bc6hs", [0x90e1_0ff5_fb2f_1d04, 0x4a94_6a09_a4cf_4dac, 0x9301_cb6d_b469_0c8d]),
         ("bc7", [0xe317_38bf_8c1d_3d3b, 0x765d_29e9_2371_1892, 0xa742_7bb1_c0a0_3412]),

@@ -12,8 +12,8 @@ pub enum Quality {
     Normal,
     /// For a release.
     High,
-    /// The last tenths of a decibel, by trying nearly everything: one to two minutes of CPU a
-    /// megapixel for BC3, BC4, BC5 and BC7.
+    /// The last tenth of a decibel, at four times the cost of `High`; BC7 takes two minutes of CPU a
+    /// megapixel.
     Best,
 }
 

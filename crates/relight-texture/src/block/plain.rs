@@ -1,11 +1,12 @@
-//! BC1, BC3, BC4, BC5 and BC7 by the `dds` crate: Rust without platform functions, hence the same
-//! bytes everywhere. Its metric is the plain sum of squares over channels, without dithering.
+//! BC1, BC3's colours and BC7 by the `dds` crate: Rust without platform functions, and with the
+//! feature `scalar-math` of its `glam` (see Cargo.toml) the same bytes everywhere. Its metric is the
+//! plain sum of squares over channels, without dithering. BC7 is made from codes of 8 bits.
 
 use super::encode::BlockRow;
-use super::{BlockCoding, Quality};
+use super::{BlockCoding, Quality, bc4};
 use dds::{ColorFormat, CompressionQuality, Dithering, EncodeOptions, ErrorMetric, Format, ImageView, Size};
 
-/// Encodes by `dds`; `texels` hold the channels of `color`, 0..1 also for signed formats.
+/// Encodes by `dds`; `texels` hold the channels of `color`.
 fn encode(
     format: Format,
     color: ColorFormat,
@@ -33,44 +34,18 @@ fn quality(coding: BlockCoding) -> CompressionQuality {
     }
 }
 
-/// Texels of one or two channels moved from `low`..1 to 0..1; two become RGB, as `dds` has no pairs.
-fn moved(row: &BlockRow<'_>, low: f32) -> Vec<f32> {
-    let moved = |value: f32| (value - low) / (1.0 - low);
-    match row.channels {
-        1 => row.texels.iter().map(|value| moved(*value)).collect(),
-        _ => row.texels.chunks_exact(2).flat_map(|pair| [moved(pair[0]), moved(pair[1]), 0.0]).collect(),
-    }
-}
-
 pub(super) fn bc1(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
     encode(Format::BC1_UNORM, ColorFormat::RGB_F32, row.texels, row.width, quality(coding), out);
 }
 
 pub(super) fn bc3(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    encode(Format::BC3_UNORM, ColorFormat::RGBA_F32, row.texels, row.width, quality(coding), out);
-}
-
-pub(super) fn bc4(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    encode(Format::BC4_UNORM, ColorFormat::GRAYSCALE_F32, row.texels, row.width, quality(coding), out);
-}
-
-pub(super) fn bc4_signed(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    encode(
-        Format::BC4_SNORM,
-        ColorFormat::GRAYSCALE_F32,
-        &moved(&row, -1.0),
-        row.width,
-        quality(coding),
-        out,
-    );
-}
-
-pub(super) fn bc5(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    encode(Format::BC5_UNORM, ColorFormat::RGB_F32, &moved(&row, 0.0), row.width, quality(coding), out);
-}
-
-pub(super) fn bc5_signed(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    encode(Format::BC5_SNORM, ColorFormat::RGB_F32, &moved(&row, -1.0), row.width, quality(coding), out);
+    let colors: Vec<f32> =
+        row.texels.chunks_exact(4).flat_map(|texel| [texel[0], texel[1], texel[2]]).collect();
+    encode(Format::BC3_UNORM, ColorFormat::RGB_F32, &colors, row.width, quality(coding), out);
+    for (texels, block) in row.blocks::<64>().zip(out.chunks_exact_mut(16)) {
+        let fourth = std::array::from_fn(|i| texels[4 * i + 3]);
+        block[..8].copy_from_slice(&bc4::encode(fourth, false, coding.quality));
+    }
 }
 
 pub(super) fn bc7(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
