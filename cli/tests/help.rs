@@ -7,7 +7,8 @@ mod scene;
 use scene::relight;
 use std::path::Path;
 
-const SUBCOMMANDS: [&str; 5] = ["bake", "render", "evaluate", "lights", "info"];
+const SUBCOMMANDS: [&str; 8] =
+    ["bake", "render", "evaluate", "lights", "shader", "info", "verify", "preview"];
 
 #[test]
 fn help_names_every_subcommand_and_exit_code() {
@@ -29,6 +30,9 @@ fn every_subcommand_explains_its_options() {
         ("evaluate", &["<ASSET>", "<SET>", "--json", "--heatmap"]),
         ("lights", &["<SET>", "--plot"]),
         ("info", &["<FILE>", "--json"]),
+        ("shader", &["<ASSET>", "--lang", "--output", "--maps-per-pass"]),
+        ("verify", &["<ASSET>", "--lights", "--tolerance", "--against", "--require-gpu"]),
+        ("preview", &["<ASSET>", "--size", "--light", "--backend"]),
     ] {
         for spelling in
             [format!("{subcommand} --help"), format!("help {subcommand}"), format!("{subcommand} -h")]

@@ -82,9 +82,12 @@ impl Picture {
     }
 }
 
-/// All bytes by array and level, and how often each was written.
+/// The bytes of a level, and how often each was written.
+type LevelBytes = Mutex<(Vec<u8>, Vec<u8>)>;
+
+/// All bytes by array and level.
 struct Texture {
-    levels: Vec<Vec<Mutex<(Vec<u8>, Vec<u8>)>>>,
+    levels: Vec<Vec<LevelBytes>>,
 }
 
 impl Texture {
@@ -349,15 +352,15 @@ fn the_relit_error_is_that_of_relit_pictures() {
         for light in &lights {
             picture.model.basis.evaluate(*light, &mut functions);
             for channel in 0..stride {
-                for pixel in 0..size.0 * size.1 {
-                    let error: f64 = (0..4)
-                        .map(|f| {
+                sum += (0..size.0 * size.1)
+                    .map(|pixel| {
+                        let error_of = |f: usize| {
                             let plane = f * stride + channel;
                             functions[f] * (found[plane][pixel] - picture.planes[plane][pixel])
-                        })
-                        .sum();
-                    sum += error * error;
-                }
+                        };
+                        (0..4).map(error_of).sum::<f64>().powi(2)
+                    })
+                    .sum::<f64>();
             }
         }
         let expected = (sum / (size.0 * size.1 * stride * lights.len()) as f64).sqrt();
