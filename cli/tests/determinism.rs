@@ -34,6 +34,8 @@ fn threads_instruction_sets_and_memory_do_not_show_in_files() {
     for options in [
         "-o a.ktx2 --basis hsh -k 16",
         "-o a.ktx2 --basis srbf -k 12 --precision f16 --color lrgb",
+        "-o a.ktx2 --block bc7 --quality fast --mips --zstd=3",
+        "-o a.dds --block auto --quality fast --color lrgb",
         "-o a.exr --basis ptm -k 10",
         "-o a.ptm",
         "-o a.ptm --color lrgb",
