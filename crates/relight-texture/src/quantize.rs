@@ -100,8 +100,8 @@ impl Quantizer {
         self.dithered_code(coefficient, 0.0)
     }
 
-    /// The 8-bit code nearest to what lies `dither` codes above `coefficient`; see
-    /// [`ordered`](crate::dither::ordered).
+    /// The 8-bit code nearest to what lies `dither` codes above `coefficient`, by
+    /// the packer's ordered pattern.
     pub fn dithered_code(self, coefficient: f32, dither: f32) -> u8 {
         // The conversion clamps to 0..255, takes NaN to 0 and truncates what is now half above the code.
         ((coefficient - self.bias) * self.codes_per_unit() + (0.5 + dither)) as u8
