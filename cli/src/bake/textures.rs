@@ -126,8 +126,7 @@ const SHARE_STEP: f64 = 0.7;
 const SMALLEST_SHARE: f64 = 0.01;
 
 /// Coefficients are stored as they are.
-const AS_IT_IS: RangeChoice =
-    RangeChoice { quantizer: Quantizer { scale: 1.0, bias: 0.0 }, clipped: 0, rmse: 0.0 };
+const AS_IT_IS: RangeChoice = RangeChoice { quantizer: Quantizer::PLAIN, clipped: 0, rmse: 0.0 };
 
 /// A format and the planes of each of its layers.
 type ArrayLayers = (TexelFormat, Vec<Vec<usize>>);

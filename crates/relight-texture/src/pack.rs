@@ -281,10 +281,8 @@ impl Packer {
                 texels.chunks_exact_mut(4).for_each(|texel| texel[3] = 1.0);
             }
             for (channel, (row, quantizer)) in rows.iter().zip(quantizers).enumerate() {
-                // A range without width has no codes but the first: its bias is the value.
-                let per_unit = Some(1.0 / quantizer.scale).filter(|f| f.is_finite()).unwrap_or(0.0);
                 for (texel, c) in texels.chunks_exact_mut(channels).zip(row.iter()) {
-                    texel[channel] = (c - quantizer.bias) * per_unit;
+                    texel[channel] = quantizer.texel(format.domain(), c);
                 }
             }
             let height = (end - start) / width;

@@ -82,14 +82,6 @@ impl RangeRule {
     }
 }
 
-impl RangeChoice {
-    /// Root mean square error that it makes in the relit picture, by the plane's
-    /// [`light_energy`](crate::light_energy).
-    pub fn relit_rmse(self, energy: f64) -> f64 {
-        self.rmse * energy.sqrt()
-    }
-}
-
 /// The range of a plane in `format` by `rule`, the one for all of the plane's mip levels: those are
 /// means, which leave no range.
 ///

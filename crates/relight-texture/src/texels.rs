@@ -176,6 +176,8 @@ mod tests {
             for c in steps.chain(patterns) {
                 let fast = code(c, quantizer.bias, quantizer.codes_per_unit(), 0.0);
                 assert_eq!(fast, quantizer.code(c), "{c} in {min}..{max}");
+                let shifted = code(c, quantizer.bias, quantizer.codes_per_unit(), -0.3);
+                assert_eq!(shifted, quantizer.dithered_code(c, -0.3), "{c} in {min}..{max}, dithered");
             }
         }
     }
