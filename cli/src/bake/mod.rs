@@ -17,7 +17,7 @@ use relight_fit::{
 use relight_formats::{
     AssetFormat, AssetHeader, AssetPlan, OpenCapture, PictureStack, StackSettings, open_capture, place_of,
 };
-use relight_texture::{Precision, needs_rows, span_pixels};
+use relight_texture::{Precision, needs_rows, span_pixels, working_bytes};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -197,7 +197,9 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     format.check(&arguments.output, &plan, &settings).map_err(Failure::of_output)?;
 
     let span = span_pixels(width, needs_rows(formats.iter().copied(), levels));
-    let spans = machine.threads as u64 * span_bytes(fitted.infos.len(), choice.basis.count(), span);
+    let working = working_bytes(formats.iter().copied(), model.plane_count(), span);
+    let spans =
+        machine.threads as u64 * (span_bytes(fitted.infos.len(), choice.basis.count(), span) + working);
     let kept_back = format.held_bytes(&plan).saturating_add(spans);
     let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &arguments.output))?;
     let mut fit = stages.time("solve", || -> Result<_, Failure> {

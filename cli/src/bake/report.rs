@@ -8,7 +8,7 @@ use crate::notes;
 use crate::say::say;
 use relight_core::Model;
 use relight_formats::OpenCapture;
-use relight_texture::{PackReport, TexelFormat, light_energy};
+use relight_texture::{PackReport, TexelFormat};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -75,10 +75,9 @@ impl Summary<'_> {
 
     /// What storing each plane cost, in the order of the model's planes.
     fn costs(&self) -> Vec<PlaneCost> {
-        let energy = light_energy(self.model);
         let names = relight_formats::plane_names(self.model);
-        let planes = names.into_iter().zip(&energy).zip(&self.packed.rmse);
-        planes.map(|((name, energy), rmse)| PlaneCost { name, relit_rmse: energy.sqrt() * rmse }).collect()
+        let planes = names.into_iter().zip(&self.packed.plane_relit_rmse);
+        planes.map(|(name, &relit_rmse)| PlaneCost { name, relit_rmse }).collect()
     }
 
     /// Formats, ranges and costs of every map.

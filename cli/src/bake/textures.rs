@@ -8,7 +8,7 @@ use relight_formats::{AssetFormat, WriteSettings, plane_names};
 use relight_texture::{
     ArrayPlan, BlockCoding, BlockFormat, Budget, Candidate, ChoiceError, Coding, Encoder, LayerPlan,
     PackReport, Packer, Packing, Precision, Quality, Quantizer, RangeChoice, RangeRule, TexelFormat, Wrap,
-    choose_formats, choose_range, error_ceilings, full_levels, light_energy, planes_of_layers,
+    choose_formats, choose_range, error_ceilings, full_levels, planes_of_layers,
 };
 
 /// How coefficients become textures.
@@ -273,7 +273,6 @@ impl TextureOptions {
         distributions: &[CoefficientDistribution],
         trial: &Trial,
     ) -> Result<Vec<ArrayLayers>, Failure> {
-        let energy = light_energy(model);
         let coding = self.coding()?;
         let errors: Vec<Vec<f64>> = formats
             .iter()
@@ -285,7 +284,7 @@ impl TextureOptions {
                     wrap: Wrap::Clamp,
                 };
                 let report = packed_sample(model, packing, coding, &trial.sample);
-                Ok(report.rmse.into_iter().map(|rmse| rmse * rmse).collect())
+                Ok(report.plane_relit_rmse.into_iter().map(|rmse| rmse * rmse).collect())
             })
             .collect::<Result<_, Failure>>()?;
         let maps = maps_of(model);
@@ -296,7 +295,7 @@ impl TextureOptions {
                 let of = |(format, errors): (&TexelFormat, &Vec<f64>)| Candidate {
                     format: *format,
                     bits: format.bits(),
-                    error: planes.iter().map(|&plane| energy[plane] * errors[plane]).sum(),
+                    error: planes.iter().map(|&plane| errors[plane]).sum(),
                 };
                 formats.iter().zip(&errors).filter(|(format, _)| fitting(format)).map(of).collect()
             })

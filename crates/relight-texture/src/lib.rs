@@ -5,6 +5,7 @@ mod block;
 mod choice;
 mod cost;
 mod dither;
+mod feedback;
 pub mod mips;
 mod pack;
 mod packing;
@@ -16,7 +17,7 @@ mod texels;
 pub use block::{BlockCoding, BlockFormat, Encoder, Quality, decode_blocks, decode_channel, encode_blocks};
 pub use choice::{Budget, Candidate, ChoiceError, choose_formats};
 pub use cost::{error_ceilings, light_energy};
-pub use pack::{Coding, Packer, Put, TexelPlace, held_bytes, span_pixels};
+pub use pack::{Coding, Packer, Put, TexelPlace, held_bytes, span_pixels, working_bytes};
 pub use packing::{
     ArrayPlan, LayerPlan, PackedMaps, Packing, TexelDomain, TexelFormat, Wrap, full_levels, level_size,
     needs_rows, planes_of_layers,

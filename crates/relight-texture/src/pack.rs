@@ -3,6 +3,8 @@
 //! It knows where a texel lies within its layer, not where layers lie in a file: that is the
 //! container's business. Working memory is a span a thread and, with mips, the planes of level 1.
 
+use crate::cost::mean_products;
+use crate::feedback::Feedback;
 use crate::mips::MipFilter;
 use crate::storing::{PackReport, PlaneErrors, StoringErrors};
 use crate::texels::{Place, Row, TexelBuffer};
@@ -55,6 +57,10 @@ pub struct Packer {
     functions: usize,
     packing: Packing,
     coding: Coding,
+    /// The layers as (array, layer), by their first planes: the order in which they are stored.
+    order: Vec<(usize, usize)>,
+    /// Where there are blocks.
+    feedback: Option<Feedback>,
     written: AtomicUsize,
     errors: StoringErrors,
     /// Level 1, where there is one, channels interleaved as in the spans.
@@ -70,6 +76,15 @@ pub fn span_pixels(width: usize, needs_rows: bool) -> usize {
 /// Rows of blocks that make about 8,192 pixels, in rows of pixels.
 fn span_rows(width: usize) -> usize {
     (SPAN / (4 * width)).max(1) * 4
+}
+
+/// Bytes that [`Packer::write`] works with for a span of `pixels` in blocks of `formats`: the errors of
+/// all planes, and a layer on its way to its texels.
+pub fn working_bytes(mut formats: impl Iterator<Item = TexelFormat>, planes: usize, pixels: usize) -> u64 {
+    /// Planes in a layer, as coefficients, texels, errors and decoded.
+    const LAYER: u64 = 4 * 4;
+    let feedback = formats.any(|format| format.unit_size() > 1);
+    if feedback { 4 * (planes as u64 + LAYER) * pixels as u64 } else { 0 }
 }
 
 /// Bytes that a packer holds beside its spans: the planes of mip levels 1 and 2.
@@ -89,6 +104,24 @@ impl Packer {
             packing.arrays.iter().flat_map(|a| &a.layers).flat_map(|layer| layer.planes.clone()).collect();
         planes.sort_unstable();
         assert!(planes.into_iter().eq(0..model.plane_count()), "every plane once");
+        let mut order: Vec<(usize, usize)> = packing
+            .arrays
+            .iter()
+            .enumerate()
+            .flat_map(|(array, plan)| (0..plan.layers.len()).map(move |layer| (array, layer)))
+            .collect();
+        let planes_of =
+            |&(array, layer): &(usize, usize)| packing.arrays[array].layers[layer].planes.as_slice();
+        order.sort_by_key(|layer| planes_of(layer)[0]);
+        let feedback = packing.formats().any(|format| format.unit_size() > 1).then(|| {
+            let layers: Vec<_> = order.iter().map(planes_of).collect();
+            Feedback::new(model, &mean_products(model), &layers)
+        });
+        let errors = StoringErrors::new(model);
+        let errors = match &feedback {
+            Some(feedback) => errors.with_energy(&feedback.energy),
+            None => errors,
+        };
         let halved = (packing.levels > 1).then(|| {
             let texels = level_size(width, 1) * level_size(height, 1);
             Mutex::new(strides(model).map(|stride| vec![0.0; texels * stride]).collect())
@@ -100,8 +133,10 @@ impl Packer {
             functions: model.basis.count(),
             packing,
             coding,
+            order,
+            feedback,
             written: AtomicUsize::new(0),
-            errors: StoringErrors::new(model),
+            errors,
             halved,
         }
     }
@@ -123,11 +158,8 @@ impl Packer {
     /// be.
     pub fn write<E>(&self, span: &CoefficientSpan<'_>, put: Put<'_, E>) -> Result<(), E> {
         let planes = self.planes_of(span);
-        let mut errors: Vec<PlaneErrors> = vec![PlaneErrors::default(); planes.len()];
         let run = Run { planes: &planes, width: self.width, first: span.first, pixels: span.pixels };
-        for layer in self.layers(0) {
-            self.put_layer(&layer, &run, Some(&mut errors), put)?;
-        }
+        let errors = self.put_run(0, &run, put)?;
         if let Some(halved) = &self.halved {
             self.add_to_level_1(halved, span);
         }
@@ -158,10 +190,14 @@ impl Packer {
                 .zip(&strides)
                 .flat_map(|(samples, &stride)| rows_of(samples, stride))
                 .collect();
-            let run = Run { planes: &rows, width, first: 0, pixels: width * height };
-            self.layers(level)
-                .into_par_iter()
-                .try_for_each(|layer| self.put_layer(&layer, &run, None, put))?;
+            let pixels = width * height;
+            let band = span_rows(width) * width;
+            (0..pixels.div_ceil(band)).into_par_iter().try_for_each(|index| {
+                let (start, end) = (index * band, ((index + 1) * band).min(pixels));
+                let rows: Vec<_> = rows.iter().map(|row| row.slice(start, end)).collect();
+                let run = Run { planes: &rows, width, first: start, pixels: end - start };
+                self.put_run(level, &run, put).map(drop)
+            })?;
             if level + 1 < self.packing.levels {
                 samples.par_iter_mut().zip(strides).for_each(|(samples, stride)| {
                     let next = level_size(width, 1) * level_size(height, 1) * stride;
@@ -173,18 +209,13 @@ impl Packer {
         Ok(self.errors.report(pixels))
     }
 
-    /// The layers of all arrays at mip level `level`.
-    fn layers(&self, level: usize) -> Vec<Layer<'_>> {
-        let arrays = self.packing.arrays.iter().enumerate();
-        arrays
-            .flat_map(|(array, ArrayPlan { format, layers })| {
-                layers.iter().enumerate().map(move |(layer, plan)| Layer {
-                    place: TexelPlace { array, level, layer, offset: 0 },
-                    format: *format,
-                    plan,
-                })
-            })
-            .collect()
+    /// The layers of all arrays at mip level `level`, in the order in which they are stored.
+    fn layers(&self, level: usize) -> impl Iterator<Item = Layer<'_>> {
+        self.order.iter().map(move |&(array, layer)| {
+            let ArrayPlan { format, layers } = &self.packing.arrays[array];
+            let place = TexelPlace { array, level, layer, offset: 0 };
+            Layer { place, format: *format, plan: &layers[layer] }
+        })
     }
 
     /// The planes of a run, in the order of [`Model::roles`].
@@ -204,18 +235,63 @@ impl Packer {
         functions.chain(rows_of(span.base_color, base)).collect()
     }
 
+    /// Stores the layers of a run one after another and says by how much.
+    fn put_run<E>(&self, level: usize, run: &Run<'_>, put: Put<'_, E>) -> Result<Vec<PlaneErrors>, E> {
+        let mut told = vec![PlaneErrors::default(); run.planes.len()];
+        let Some(feedback) = &self.feedback else {
+            for layer in self.layers(level) {
+                let planes = &layer.plan.planes;
+                let rows: Vec<_> = planes.iter().map(|&plane| run.planes[plane]).collect();
+                let mut tell = |channel: usize, first: usize, errors: &[f32]| {
+                    told[planes[channel]].add(first, errors.iter().copied());
+                };
+                self.put_layer(&layer, run, &rows, put, &mut tell)?;
+            }
+            return Ok(told);
+        };
+        let pixels = run.pixels;
+        let mut errors = vec![0.0; run.planes.len() * pixels];
+        let mut given = Vec::new();
+        for layer in self.layers(level) {
+            let planes = &layer.plan.planes;
+            given.clear();
+            for &plane in planes {
+                let start = given.len();
+                given.extend(run.planes[plane].iter());
+                let errors = |plane: usize| &errors[plane * pixels..][..pixels];
+                feedback.apply(plane, errors, &mut given[start..]);
+            }
+            let rows: Vec<_> = rows_of_planes(&given, pixels).collect();
+            let mut tell = |channel: usize, first: usize, of_given: &[f32]| {
+                let start = planes[channel] * pixels + first - run.first;
+                errors[start..start + of_given.len()].copy_from_slice(of_given);
+            };
+            self.put_layer(&layer, run, &rows, put, &mut tell)?;
+            for (&plane, given) in planes.iter().zip(given.chunks_exact(pixels)) {
+                let errors = &mut errors[plane * pixels..][..pixels];
+                told[plane].add_given(errors);
+                for ((e, given), c) in errors.iter_mut().zip(given).zip(run.planes[plane].iter()) {
+                    *e += given - c;
+                }
+                told[plane].add(run.first, errors.iter().copied());
+            }
+        }
+        Ok(told)
+    }
+
     fn put_layer<E>(
         &self,
         layer: &Layer<'_>,
         run: &Run<'_>,
-        errors: Option<&mut [PlaneErrors]>,
+        rows: &[Row<'_>],
         put: Put<'_, E>,
+        tell: Tell<'_>,
     ) -> Result<(), E> {
         match layer.format {
             TexelFormat::Plain { precision, channels } => {
-                self.put_plain(layer, (precision, channels), run, errors, put)
+                self.put_plain(layer, (precision, channels), run, rows, put, tell)
             }
-            TexelFormat::Block(format) => self.put_blocks(layer, format, run, errors, put),
+            TexelFormat::Block(format) => self.put_blocks(layer, format, run, rows, put, tell),
         }
     }
 
@@ -224,35 +300,35 @@ impl Packer {
         layer: &Layer<'_>,
         (precision, channels): (Precision, usize),
         run: &Run<'_>,
-        mut plane_errors: Option<&mut [PlaneErrors]>,
+        rows: &[Row<'_>],
         put: Put<'_, E>,
+        tell: Tell<'_>,
     ) -> Result<(), E> {
         let LayerPlan { planes, quantizers } = layer.plan;
         let texel_bytes = channels * precision.bytes();
-        let mut buffer = TexelBuffer::default();
+        let (mut buffer, mut errors) = (TexelBuffer::default(), Vec::new());
         for start in (0..run.pixels).step_by(PIECE) {
-            let rows = run.rows(planes, start, (start + PIECE).min(run.pixels));
+            let end = (start + PIECE).min(run.pixels);
+            let rows: Vec<_> = rows.iter().map(|row| row.slice(start, end)).collect();
             let first = run.first + start;
             let dither = self.coding.dither.then_some(Place { first, width: run.width, planes });
             let bytes = buffer.texels((precision, channels), &rows, quantizers, dither);
-            if let Some(plane_errors) = plane_errors.as_deref_mut() {
-                for (channel, row) in rows.iter().enumerate() {
-                    let texels = bytes[channel * precision.bytes()..].chunks(texel_bytes);
-                    let of_plane = &mut plane_errors[planes[channel]];
-                    match precision {
-                        Precision::U8 => {
-                            let values = texels.map(|texel| f32::from(texel[0]) / 255.0);
-                            of_plane.add(first, errors(*row, values, quantizers[channel]));
-                        }
-                        Precision::F16 => {
-                            let values =
-                                texels.map(|texel| f16::from_le_bytes([texel[0], texel[1]]).to_f32());
-                            of_plane.add(first, errors(*row, values, quantizers[channel]));
-                        }
-                        // Exact but for the rounding of f32 itself.
-                        Precision::F32 => of_plane.add(first, row.iter().map(|_| 0.0)),
+            for (channel, row) in rows.iter().enumerate() {
+                let texels = bytes[channel * precision.bytes()..].chunks(texel_bytes);
+                errors.clear();
+                match precision {
+                    Precision::U8 => {
+                        let values = texels.map(|texel| f32::from(texel[0]) / 255.0);
+                        errors.extend(errors_of(*row, values, quantizers[channel]));
                     }
+                    Precision::F16 => {
+                        let values = texels.map(|texel| f16::from_le_bytes([texel[0], texel[1]]).to_f32());
+                        errors.extend(errors_of(*row, values, quantizers[channel]));
+                    }
+                    // Exact but for the rounding of f32 itself.
+                    Precision::F32 => errors.resize(row.len(), 0.0),
                 }
+                tell(channel, first, &errors);
             }
             put(TexelPlace { offset: (first * texel_bytes) as u64, ..layer.place }, bytes)?;
         }
@@ -264,17 +340,19 @@ impl Packer {
         layer: &Layer<'_>,
         format: BlockFormat,
         run: &Run<'_>,
-        mut plane_errors: Option<&mut [PlaneErrors]>,
+        rows: &[Row<'_>],
         put: Put<'_, E>,
+        tell: Tell<'_>,
     ) -> Result<(), E> {
-        let LayerPlan { planes, quantizers } = layer.plan;
+        let quantizers = &layer.plan.quantizers;
         let (channels, width) = (format.channels(), run.width);
         let row_bytes = layer.format.row_bytes(width);
         let piece = span_rows(width) * width;
-        let (mut texels, mut decoded, mut blocks) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut texels, mut decoded, mut errors) = (Vec::new(), Vec::new(), Vec::new());
+        let mut blocks = Vec::new();
         for start in (0..run.pixels).step_by(piece) {
             let end = (start + piece).min(run.pixels);
-            let rows = run.rows(planes, start, end);
+            let rows: Vec<_> = rows.iter().map(|row| row.slice(start, end)).collect();
             texels.clear();
             texels.resize((end - start) * channels, 0.0);
             if channels == 4 {
@@ -288,14 +366,13 @@ impl Packer {
             let height = (end - start) / width;
             blocks.resize(row_bytes as usize * height.div_ceil(4), 0);
             encode_blocks(format, self.coding.blocks, &texels, width, &mut blocks);
-            if let Some(plane_errors) = plane_errors.as_deref_mut() {
-                decoded.resize(texels.len(), 0.0);
-                decode_blocks(format, &blocks, width, &mut decoded);
-                for (channel, row) in rows.iter().enumerate() {
-                    let values = decoded[channel..].iter().step_by(channels).copied();
-                    let errors = errors(*row, values, quantizers[channel]);
-                    plane_errors[planes[channel]].add(run.first + start, errors);
-                }
+            decoded.resize(texels.len(), 0.0);
+            decode_blocks(format, &blocks, width, &mut decoded);
+            for (channel, row) in rows.iter().enumerate() {
+                let values = decoded[channel..].iter().step_by(channels).copied();
+                errors.clear();
+                errors.extend(errors_of(*row, values, quantizers[channel]));
+                tell(channel, run.first + start, &errors);
             }
             let offset = ((run.first + start) / width / 4) as u64 * row_bytes;
             put(TexelPlace { offset, ..layer.place }, &blocks)?;
@@ -337,6 +414,14 @@ fn rows_of(samples: &[f32], stride: usize) -> impl Iterator<Item = Row<'_>> {
     (0..stride).map(move |channel| Row { samples, stride, channel })
 }
 
+/// Takes what a channel's texels give back, from a pixel on, less the coefficients that they were made of.
+type Tell<'a> = &'a mut dyn FnMut(usize, usize, &[f32]);
+
+/// The planes of samples that hold one after another.
+fn rows_of_planes(samples: &[f32], pixels: usize) -> impl Iterator<Item = Row<'_>> {
+    samples.chunks_exact(pixels).flat_map(|plane| rows_of(plane, 1))
+}
+
 /// A layer at a mip level.
 struct Layer<'a> {
     place: TexelPlace,
@@ -352,15 +437,8 @@ struct Run<'a> {
     pixels: usize,
 }
 
-impl<'a> Run<'a> {
-    /// Pixels `start` to `end` of the run in the planes of a layer.
-    fn rows(&self, planes: &[usize], start: usize, end: usize) -> Vec<Row<'a>> {
-        planes.iter().map(|&plane| self.planes[plane].slice(start, end)).collect()
-    }
-}
-
 /// What texels give back less the coefficients.
-fn errors<'a>(
+fn errors_of<'a>(
     row: Row<'a>,
     texels: impl Iterator<Item = f32> + 'a,
     quantizer: Quantizer,

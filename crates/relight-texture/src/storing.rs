@@ -1,7 +1,7 @@
 //! What storing coefficients costs: measured while they are written, plane by plane and in relit
 //! pictures.
 
-use crate::cost::mean_products;
+use crate::cost::{light_energy, mean_products};
 use relight_core::{Layout, Model};
 use std::sync::{Mutex, PoisonError};
 
@@ -11,6 +11,9 @@ pub struct PackReport {
     /// Root mean square error of the stored coefficients of each plane, in the order of
     /// [`Model::roles`], over all pixels of level 0.
     pub rmse: Vec<f64>,
+    /// Root mean square error that each plane causes in relit pictures, over all pixels of level 0.
+    /// Where the errors of a plane are made good by planes stored after it, what is left of them.
+    pub plane_relit_rmse: Vec<f64>,
     /// Root mean square error that they make together in relit pictures, over the model's lights and
     /// channels, from every 29th pixel. As for [`light_energy`](crate::light_energy), luminance and
     /// base colour are taken for 1 where they multiply one another's errors.
@@ -26,6 +29,9 @@ const SEEN: usize = 29;
 pub struct PlaneErrors {
     /// Sum of squares over all pixels.
     square: f64,
+    /// The same of errors against what the plane was given to store, where that is not its
+    /// coefficients.
+    square_of_given: Option<f64>,
     /// Those of every [`SEEN`]th pixel.
     seen: Vec<f32>,
 }
@@ -37,6 +43,8 @@ pub struct StoringErrors {
     functions: usize,
     /// Means over the lights of the products of functions, k x k.
     products: Vec<f64>,
+    /// By plane, from its mean squared error to that of relit samples.
+    energy: Vec<f64>,
     /// Each with its first pixel: added up in the order of pixels, so that the figures don't depend
     /// on threads.
     runs: Mutex<Vec<(usize, Run)>>,
@@ -44,8 +52,8 @@ pub struct StoringErrors {
 
 #[derive(Debug)]
 struct Run {
-    /// By plane, the sum of squares.
-    squares: Vec<f64>,
+    /// By plane, the sum of squares, and of those against what was given.
+    squares: Vec<(f64, f64)>,
     /// As of [`StoringErrors::relit_square`], over `seen` pixels.
     relit_square: f64,
     seen: usize,
@@ -65,6 +73,14 @@ impl PlaneErrors {
     }
 }
 
+impl PlaneErrors {
+    /// Adds the errors of as many pixels against what the plane was given to store.
+    pub(crate) fn add_given(&mut self, errors: &[f32]) {
+        let squares: f64 = errors.iter().map(|error| f64::from(*error) * f64::from(*error)).sum();
+        *self.square_of_given.get_or_insert(0.0) += squares;
+    }
+}
+
 impl StoringErrors {
     /// For planes of `model`.
     pub fn new(model: &Model) -> Self {
@@ -72,8 +88,14 @@ impl StoringErrors {
             layout: model.layout,
             functions: model.basis.count(),
             products: mean_products(model),
+            energy: light_energy(model),
             runs: Mutex::new(Vec::new()),
         }
+    }
+
+    /// With these factors from planes' mean squared errors to those of relit samples.
+    pub(crate) fn with_energy(self, energy: &[f64]) -> Self {
+        Self { energy: energy.to_vec(), ..self }
     }
 
     /// Takes the errors of the run that begins at pixel `first`, one a plane, each of the same
@@ -82,7 +104,10 @@ impl StoringErrors {
         let run = Run {
             relit_square: self.relit_square(&planes),
             seen: planes.iter().map(|plane| plane.seen.len()).max().unwrap_or(0),
-            squares: planes.into_iter().map(|plane| plane.square).collect(),
+            squares: planes
+                .into_iter()
+                .map(|plane| (plane.square, plane.square_of_given.unwrap_or(plane.square)))
+                .collect(),
         };
         self.runs.lock().unwrap_or_else(PoisonError::into_inner).push((first, run));
     }
@@ -93,12 +118,14 @@ impl StoringErrors {
         runs.sort_by_key(|(first, _)| *first);
         let runs = || runs.iter().map(|(_, run)| run);
         let planes = runs().next().map_or(0, |run| run.squares.len());
-        let rmse = (0..planes)
-            .map(|plane| (runs().map(|run| run.squares[plane]).sum::<f64>() / pixels as f64).sqrt())
+        let root = |square: f64| (square / pixels as f64).sqrt();
+        let rmse = (0..planes).map(|plane| root(runs().map(|run| run.squares[plane].0).sum())).collect();
+        let plane_relit_rmse = (0..planes)
+            .map(|plane| root(self.energy[plane] * runs().map(|run| run.squares[plane].1).sum::<f64>()))
             .collect();
         let seen = runs().map(|run| run.seen).sum::<usize>().max(1);
         let relit_rmse = (runs().map(|run| run.relit_square).sum::<f64>() / seen as f64).sqrt();
-        PackReport { rmse, relit_rmse }
+        PackReport { rmse, plane_relit_rmse, relit_rmse }
     }
 
     /// Sum over the pixels that were seen of the squared error of their relit samples, a mean over
