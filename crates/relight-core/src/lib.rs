@@ -12,6 +12,7 @@
 //! ```
 
 pub mod basis;
+mod camera;
 mod cpu;
 mod direction;
 mod distribution;
@@ -19,6 +20,7 @@ mod light_set;
 pub mod maps;
 pub mod metrics;
 mod model;
+mod position_map;
 pub mod relighter;
 pub mod sphere;
 mod stack;
@@ -27,12 +29,14 @@ mod unit_values;
 pub mod weighted_sums;
 
 pub use basis::{Basis, BasisError, Design, Family};
+pub use camera::{Camera, CameraError, Projection, Ray, Seen};
 pub use cpu::{CpuLevel, UnsupportedCpuLevel};
 pub use direction::{Direction, DirectionError};
 pub use distribution::{Bucket, CoefficientDistribution, CoefficientSample};
 pub use light_set::{Light, LightSet};
 pub use maps::{CoefficientMap, CoefficientRange, CoefficientSpan, RelightingMap, RelightingMaps, Texels};
 pub use model::{FitFigures, Layout, Model, PlaneRole, Space};
+pub use position_map::{NO_SURFACE, PositionMap, SKY};
 pub use stack::{Stack, StackError, StackRows};
 pub use transfer::{LUMINANCE, linear_from_srgb, luminance, srgb_from_linear};
 pub use unit_values::unit_values_from_codes;

@@ -10,8 +10,8 @@ pub struct Candidate {
     pub format: TexelFormat,
     /// Bits a pixel, over all layers of the map.
     pub bits: f64,
-    /// Mean squared error of the relit picture that it causes: over the map's planes, the sum of
-    /// [`light_energy`](crate::light_energy) x mean squared error of the coefficients.
+    /// Mean squared error of the relit picture that it causes: over the map's planes, the sum of the squares
+    /// of [`PackReport::plane_relit_rmse`](crate::PackReport::plane_relit_rmse).
     pub error: f64,
 }
 
