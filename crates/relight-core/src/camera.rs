@@ -209,8 +209,7 @@ impl Camera {
             }
             Projection::Equirectangular { latitude } => {
                 let across = libm::atan2(u, w) / PI;
-                let sin = (v / distance).clamp(-1.0, 1.0);
-                let y = 0.5 * height * (1.0 - libm::asin(sin) / latitude);
+                let y = 0.5 * height * (1.0 - libm::atan2(v, libm::hypot(u, w)) / latitude);
                 (0.5 * width * (across + 1.0), y, if distance > 0.0 { distance } else { f64::NAN })
             }
         };
