@@ -67,6 +67,41 @@ impl CpuLevel {
     pub(crate) fn kind(self) -> Kind {
         self.0
     }
+
+    /// Runs `work` compiled for this level.
+    pub fn run<W: Vectorized>(self, work: W) -> W::Output {
+        match self.0 {
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: a `CpuLevel` exists only for instruction sets that this machine has.
+            Kind::Avx2 => unsafe { with_avx2(work) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            Kind::Avx512 => unsafe { with_avx512(work) },
+            _ => work.run(),
+        }
+    }
+}
+
+/// Loops over slices that the compiler turns into vector instructions of whatever level they are
+/// compiled for: elementwise ones, without sums across elements, whose bits are the same in all.
+pub trait Vectorized {
+    /// What comes of it.
+    type Output;
+
+    /// The loops; `#[inline(always)]`, so that they are compiled again for each level.
+    fn run(self) -> Self::Output;
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn with_avx2<W: Vectorized>(work: W) -> W::Output {
+    work.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
+fn with_avx512<W: Vectorized>(work: W) -> W::Output {
+    work.run()
 }
 
 impl Kind {

@@ -39,6 +39,9 @@ impl Direction {
     /// Straight out of the picture, (0, 0, 1).
     pub const OUT: Self = Self([0.0, 0.0, 1.0]);
 
+    /// To the right of the picture, (1, 0, 0).
+    pub const RIGHT: Self = Self([1.0, 0.0, 0.0]);
+
     /// Normalises (x, y, z); any finite length above 0 is accepted, 1e-300 and 1e300 included.
     ///
     /// # Errors

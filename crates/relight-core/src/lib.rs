@@ -30,7 +30,7 @@ pub mod weighted_sums;
 
 pub use basis::{Basis, BasisError, Design, Family};
 pub use camera::{Camera, CameraError, Projection, Ray, Seen};
-pub use cpu::{CpuLevel, UnsupportedCpuLevel};
+pub use cpu::{CpuLevel, UnsupportedCpuLevel, Vectorized};
 pub use direction::{Direction, DirectionError};
 pub use distribution::{Bucket, CoefficientDistribution, CoefficientSample};
 pub use light_set::{Light, LightSet};

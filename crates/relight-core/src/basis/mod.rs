@@ -10,7 +10,7 @@ mod sh;
 mod srbf;
 
 pub use hsh::Hsh;
-pub use ptm::Ptm;
+pub use ptm::{Ptm, ptm_exponents};
 pub use sh::{Sh, evaluate_sh};
 pub use srbf::{Domain, Kernel, PointSet, Spread, Srbf, SrbfDesign};
 

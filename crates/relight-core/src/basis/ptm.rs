@@ -29,6 +29,14 @@ const EXPONENTS: [(u8, u8); 15] = [
     (0, 4),
 ];
 
+/// Exponents of u and v in PTM function `j`, 0 to 14.
+///
+/// # Panics
+/// When there is no such function.
+pub fn ptm_exponents(j: usize) -> (u8, u8) {
+    EXPONENTS[j]
+}
+
 pub(super) fn count_of_degree(degree: usize) -> usize {
     (degree + 1) * (degree + 2) / 2
 }

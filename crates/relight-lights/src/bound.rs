@@ -1,0 +1,176 @@
+//! Bounds of what a light can add to a tile, so that lights which can't be seen there are not evaluated.
+
+use crate::scene::{Attenuation, Lamp, Light};
+use relight_core::basis::ptm_exponents;
+use relight_core::{
+    Basis, PlaneRole, PositionMap, RelightingMap, RelightingMaps, SKY, Space, Texels, linear_from_srgb,
+};
+use std::f64::consts::PI;
+
+/// The largest absolute value that a relit sample of each channel can have in the asset's own space, whatever
+/// the direction: the sum over functions of max |b_j| max |c_j|, times the largest base colour.
+///
+/// |b_j| is at most 1 for SRBF and PTM (monomials of numbers up to 1), sqrt((2l + 1) / 4 pi) for SH (addition
+/// theorem) and sqrt((2l + 1) / 2 pi) for HSH, which are SH with a stretched angle. Coefficients lie between
+/// the ends of 8-bit ranges; those of halves and floats are looked at.
+pub(crate) fn largest_samples(maps: &RelightingMaps) -> [f64; 3] {
+    let functions: Vec<f64> =
+        (0..maps.model.basis.count()).map(|j| largest_value(&maps.model.basis, j)).collect();
+    let (mut sums, mut factors) = ([0.0; 3], [1.0; 3]);
+    for (role, plane) in maps.model.roles().into_iter().zip(&maps.planes) {
+        let largest = largest_coefficient(plane);
+        match role {
+            PlaneRole::Coefficient { functions: by_channel } => {
+                for (sum, function) in sums.iter_mut().zip(by_channel) {
+                    *sum += function.map_or(0.0, |f| functions[usize::from(f)] * largest);
+                }
+            }
+            PlaneRole::BaseColor { channel } => factors[usize::from(channel)] = largest,
+        }
+    }
+    if maps.model.channels() == 1 {
+        sums = [sums[0]; 3];
+    }
+    [0, 1, 2].map(|c| {
+        let sample = sums[c] * factors[c];
+        match maps.model.space {
+            Space::Linear => sample,
+            Space::Encoded => f64::from(linear_from_srgb(sample as f32)) * (1.0 + 1e-5),
+        }
+    })
+}
+
+fn largest_value(basis: &Basis, j: usize) -> f64 {
+    let l = j.isqrt() as f64;
+    match basis {
+        Basis::Srbf(_) => 1.0,
+        Basis::Ptm(_) => {
+            // |u|^p |v|^q on the unit circle is largest where u^2 : v^2 = p : q.
+            let (p, q) = ptm_exponents(j);
+            let (p, q, sum) = (f64::from(p), f64::from(q), f64::from(p + q));
+            let part = |e: f64| if e == 0.0 { 1.0 } else { libm::pow(e / sum, 0.5 * e) };
+            part(p) * part(q)
+        }
+        Basis::Sh(_) => ((2.0 * l + 1.0) / (4.0 * PI)).sqrt(),
+        Basis::Hsh(_) => ((2.0 * l + 1.0) / (2.0 * PI)).sqrt(),
+    }
+}
+
+fn largest_coefficient(plane: &RelightingMap) -> f64 {
+    let (scale, bias) = (f64::from(plane.scale), f64::from(plane.bias));
+    let of = |values: &mut dyn Iterator<Item = f32>| {
+        values.fold(0.0f64, |largest, q| largest.max((scale * f64::from(q) + bias).abs()))
+    };
+    match &plane.texels {
+        Texels::U8(_) => of(&mut [0.0, 1.0].into_iter()),
+        Texels::F16(texels) => of(&mut texels.iter().map(|q| q.to_f32())),
+        Texels::F32(texels) => of(&mut texels.iter().copied()),
+    }
+}
+
+/// Where the surfaces of a tile are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Box3 {
+    /// Least and largest coordinates of the pixels that are neither sky nor without a surface.
+    near: Option<([f64; 3], [f64; 3])>,
+    /// Whether some pixels are sky.
+    sky: bool,
+}
+
+impl Box3 {
+    pub(crate) fn new() -> Self {
+        Self { near: None, sky: false }
+    }
+
+    /// Adds the pixels from `first` on.
+    pub(crate) fn add(&mut self, map: &PositionMap, first: usize, pixels: usize) {
+        for point in &map.points[first..first + pixels] {
+            let point = point.map(f64::from);
+            if point.iter().any(|c| c.is_nan()) {
+                continue;
+            }
+            if point.iter().any(|c| c.abs() > SKY / 1e3) {
+                self.sky = true;
+                continue;
+            }
+            let (least, largest) = self.near.get_or_insert((point, point));
+            for i in 0..3 {
+                least[i] = least[i].min(point[i]);
+                largest[i] = largest[i].max(point[i]);
+            }
+        }
+    }
+
+    /// The strongest that `light` can be at a pixel of the box: intensity and attenuation together, 0 where
+    /// a spot doesn't reach.
+    pub(crate) fn strength(&self, light: &Light) -> f64 {
+        let Some(position) = light.position() else { return light.intensity };
+        let near = self.near.map_or(0.0, |(least, largest)| {
+            let mut squared = 0.0;
+            for i in 0..3 {
+                let beyond = (least[i] - position[i]).max(position[i] - largest[i]).max(0.0);
+                squared += beyond * beyond;
+            }
+            let distance = squared.sqrt();
+            if self.is_beyond_the_cone(light, position) { 0.0 } else { strongest(light, distance) }
+        });
+        // From anywhere a lamp may stand, up to 1e9 from the origin, to the sky.
+        let far = if self.sky { strongest(light, 0.5e-3 * SKY) } else { 0.0 };
+        // Distances are rounded in f32 when the light is evaluated.
+        near.max(far) * (1.0 + 1e-5)
+    }
+
+    /// Whether the sphere around the box lies outside the cone of a spot.
+    fn is_beyond_the_cone(&self, light: &Light, position: [f64; 3]) -> bool {
+        let (Lamp::Spot(spot), Some((least, largest))) = (&light.lamp, self.near) else { return false };
+        let middle = [0, 1, 2].map(|i| 0.5 * (least[i] + largest[i]) - position[i]);
+        let length = |v: [f64; 3]| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+        let radius = 0.5 * length([0, 1, 2].map(|i| largest[i] - least[i]));
+        let distance = length(middle);
+        if distance <= radius {
+            return false;
+        }
+        let axis = spot.axis.components();
+        let along = (0..3).map(|i| middle[i] * axis[i]).sum::<f64>();
+        let across = length([0, 1, 2].map(|i| middle[i] - along * axis[i]));
+        // With a margin for rounding of f32.
+        libm::atan2(across, along) - libm::asin((radius / distance).min(1.0)) > spot.cone + 1e-3
+    }
+}
+
+/// Intensity and attenuation at `distance` or further.
+fn strongest(light: &Light, distance: f64) -> f64 {
+    let factor = match (light.attenuation, &light.lamp) {
+        // The disc's solid angle at its surface is all that it can be: 2 / r^2, and at least 1 / d^2 beyond.
+        (Attenuation::InverseSquare { .. }, Lamp::Sphere { radius, .. }) => {
+            let sine2 = (radius / distance.max(*radius)).powi(2);
+            2.0 / (radius * radius) * sine2 / (1.0 + (1.0 - sine2).sqrt())
+        }
+        (attenuation, _) => attenuation.factor(distance.max(f64::from(crate::lamps::AT_THE_SURFACE))),
+    };
+    let gobo = match &light.lamp {
+        Lamp::Spot(spot) => spot.gobo.as_ref().filter(|gobo| gobo.on).map_or(1.0, |gobo| {
+            gobo.picture.samples.iter().fold(0.0f64, |largest, value| largest.max(f64::from(value.abs())))
+        }),
+        _ => 1.0,
+    };
+    light.intensity * factor * gobo
+}
+
+/// Which of the lights with these bounds need not be evaluated: the weakest, as long as all of them together
+/// stay within `allowed`.
+pub(crate) fn negligible(bounds: &[f64], allowed: f64) -> Vec<bool> {
+    let mut order: Vec<usize> = (0..bounds.len()).collect();
+    order.sort_by(|&a, &b| bounds[a].total_cmp(&bounds[b]));
+    let (mut skipped, mut sum) = (vec![false; bounds.len()], 0.0);
+    for index in order {
+        sum += bounds[index];
+        // Not true for NaN: such a light is evaluated.
+        if sum <= allowed {
+            skipped[index] = true;
+        } else {
+            break;
+        }
+    }
+    skipped
+}

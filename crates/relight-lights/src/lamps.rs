@@ -1,0 +1,331 @@
+//! Where a local light comes from at each pixel of a row, and how strong it is there.
+
+use crate::elementary::squared_angle;
+use crate::horizon::Horizon;
+use crate::path::Directions;
+use crate::scene::{Attenuation, Gobo, HorizonRule, Lamp, Light, Spot};
+use relight_core::sphere::Cap;
+use relight_core::{CpuLevel, Direction, PositionMap, Vectorized};
+use std::f32::consts::PI;
+
+/// Lamps nearer to a surface than this are at it: no direction is the right one, and they light nothing there.
+pub const AT_THE_SURFACE: f32 = 1e-15;
+
+/// Positions of a row of pixels.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct RowPositions {
+    x: Vec<f32>,
+    y: Vec<f32>,
+    z: Vec<f32>,
+}
+
+/// A light's directions and strengths along a row of pixels.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct RowLight {
+    x: Vec<f32>,
+    y: Vec<f32>,
+    z: Vec<f32>,
+    /// Intensity and attenuation together; 0 where the pixel has no surface or the lamp is at it.
+    pub(crate) strength: Vec<f32>,
+    /// By channel, where a picture is in the light's way.
+    pub(crate) gobo: Option<[Vec<f32>; 3]>,
+}
+
+impl RowPositions {
+    /// Of the pixels from `first` on.
+    pub(crate) fn load(&mut self, map: &PositionMap, first: usize, pixels: usize) {
+        let points = &map.points[first..first + pixels];
+        for (axis, out) in [&mut self.x, &mut self.y, &mut self.z].into_iter().enumerate() {
+            out.clear();
+            out.extend(points.iter().map(|point| point[axis]));
+        }
+    }
+}
+
+impl RowLight {
+    pub(crate) fn directions(&self) -> Directions<'_> {
+        Directions { x: &self.x, y: &self.y, z: &self.z }
+    }
+
+    /// Whether no pixel of the row gets any of it.
+    pub(crate) fn is_dark(&self) -> bool {
+        self.strength.iter().all(|strength| *strength == 0.0)
+    }
+
+    /// Takes sample `index` of the light at the pixels of `positions`; says at how many pixels the lamp is at
+    /// the surface.
+    pub(crate) fn aim(
+        &mut self,
+        level: CpuLevel,
+        light: &Light,
+        index: usize,
+        horizon: &Horizon,
+        positions: &RowPositions,
+    ) -> usize {
+        let pixels = positions.x.len();
+        for values in [&mut self.x, &mut self.y, &mut self.z, &mut self.strength] {
+            values.resize(pixels, 0.0);
+        }
+        self.gobo = None;
+        let Some(position) = light.position() else { return 0 };
+        let at_surface = level.run(Aim {
+            positions,
+            lamp: position.map(|c| c as f32),
+            intensity: light.intensity as f32,
+            attenuation: light.attenuation,
+            out: self,
+        });
+        match &light.lamp {
+            Lamp::Spot(spot) => {
+                level.run(Cone { spot, row: self });
+                if let Some(gobo) = spot.gobo.as_ref().filter(|gobo| gobo.on) {
+                    self.gobo = Some(self.through(spot, gobo));
+                }
+            }
+            Lamp::Sphere { radius, samples, .. } => {
+                let physical = matches!(light.attenuation, Attenuation::InverseSquare { .. });
+                level.run(Disc {
+                    positions,
+                    lamp: position.map(|c| c as f32),
+                    radius: *radius as f32,
+                    sample: disc_sample(index, *samples),
+                    share: 1.0 / *samples as f32,
+                    physical: physical.then_some(light.intensity as f32),
+                    row: self,
+                });
+            }
+            _ => {}
+        }
+        self.below_horizon(horizon);
+        at_surface
+    }
+
+    /// Applies the horizon's rule to directions that the capture doesn't know.
+    fn below_horizon(&mut self, horizon: &Horizon) {
+        if horizon.is_everywhere() {
+            return;
+        }
+        let axis = horizon.cap.axis.components().map(|c| c as f32);
+        // A little inside the rim, so that rounding takes nothing for known that isn't.
+        let known = match horizon.rule {
+            HorizonRule::Fade => libm::cos(horizon.cap.radius) as f32 + 1e-6,
+            _ => f32::INFINITY,
+        };
+        for i in 0..self.x.len() {
+            let cosine = self.x[i] * axis[0] + self.y[i] * axis[1] + self.z[i] * axis[2];
+            if cosine >= known || self.strength[i] == 0.0 {
+                continue;
+            }
+            let [x, y, z] = [self.x[i], self.y[i], self.z[i]].map(f64::from);
+            if let Ok(direction) = Direction::new(x, y, z) {
+                let taken = horizon.take(direction);
+                [self.x[i], self.y[i], self.z[i]] = taken.direction.components().map(|c| c as f32);
+                self.strength[i] *= taken.factor as f32;
+            }
+        }
+    }
+
+    /// The gobo's colours at the pixels, by channel.
+    fn through(&self, spot: &Spot, gobo: &Gobo) -> [Vec<f32>; 3] {
+        let axis = spot.axis.components();
+        let up = perpendicular(gobo.up.components(), axis);
+        let right = cross(axis, up);
+        let half = libm::tan(spot.cone);
+        let mut out = [const { Vec::new() }; 3];
+        for i in 0..self.x.len() {
+            // From the lamp to the surface.
+            let to = [-self.x[i], -self.y[i], -self.z[i]].map(f64::from);
+            let [u, v, w] = [right, up, axis].map(|a| a[0] * to[0] + a[1] * to[1] + a[2] * to[2]);
+            let lit = w > 0.0 && self.strength[i] != 0.0;
+            let color = if lit { bilinear(&gobo.picture, u / w / half, v / w / half) } else { [0.0; 3] };
+            for (out, value) in out.iter_mut().zip(color) {
+                out.push(value);
+            }
+        }
+        out
+    }
+}
+
+/// The colour at (u, v), -1 to 1 to the right and upwards, between pixel centres; the edge goes on.
+fn bilinear(picture: &relight_core::relighter::Picture, u: f64, v: f64) -> [f32; 3] {
+    let place = |at: f64, size: usize| {
+        let at = (0.5 * (at + 1.0) * size as f64 - 0.5).clamp(0.0, (size - 1) as f64);
+        let first = (at as usize).min(size.saturating_sub(2));
+        (first, (first + 1).min(size - 1), (at - first as f64) as f32)
+    };
+    let (x0, x1, fx) = place(u, picture.width);
+    let (y0, y1, fy) = place(-v, picture.height);
+    [0, 1, 2].map(|c| {
+        let c = c.min(picture.channels - 1);
+        let sample = |x: usize, y: usize| picture.samples[(y * picture.width + x) * picture.channels + c];
+        let upper = sample(x0, y0) + fx * (sample(x1, y0) - sample(x0, y0));
+        let lower = sample(x0, y1) + fx * (sample(x1, y1) - sample(x0, y1));
+        upper + fy * (lower - upper)
+    })
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// The unit vector nearest to `vector` that is perpendicular to `axis`; any where they are parallel.
+fn perpendicular(vector: [f64; 3], axis: [f64; 3]) -> [f64; 3] {
+    let along = (0..3).map(|i| vector[i] * axis[i]).sum::<f64>();
+    let rest = [0, 1, 2].map(|i| vector[i] - along * axis[i]);
+    let length = rest.iter().map(|c| c * c).sum::<f64>().sqrt();
+    if length > 1e-9 {
+        return rest.map(|c| c / length);
+    }
+    let axis = Direction::new(axis[0], axis[1], axis[2]).unwrap_or(Direction::OUT);
+    Cap { axis, radius: 0.0 }.from_pole(Direction::RIGHT).components()
+}
+
+/// Unit vectors towards a lamp and its strength.
+struct Aim<'a> {
+    positions: &'a RowPositions,
+    lamp: [f32; 3],
+    intensity: f32,
+    attenuation: Attenuation,
+    out: &'a mut RowLight,
+}
+
+impl Vectorized for Aim<'_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn run(self) -> usize {
+        let [a, b, c] = self.lamp;
+        let n = self.out.x.len();
+        let (px, py, pz) = (&self.positions.x[..n], &self.positions.y[..n], &self.positions.z[..n]);
+        let (x, y, z) = (&mut self.out.x[..n], &mut self.out.y[..n], &mut self.out.z[..n]);
+        let strength = &mut self.out.strength[..n];
+        // strength = intensity (constant + inverse / d + square / max(d, nearest)^2).
+        let (constant, inverse, square, nearest) = match self.attenuation {
+            Attenuation::None => (1.0, 0.0, 0.0, 1.0),
+            Attenuation::Inverse { a0 } => (0.0, a0 as f32, 0.0, 1.0),
+            Attenuation::InverseSquare { nearest } => (0.0, 0.0, 1.0, (nearest * nearest) as f32),
+        };
+        let mut at_surface = 0u32;
+        for i in 0..n {
+            let (dx, dy, dz) = (a - px[i], b - py[i], c - pz[i]);
+            let squared = dx * dx + dy * dy + dz * dz;
+            // False for NaN: a pixel without a surface.
+            let aimed = squared > AT_THE_SURFACE * AT_THE_SURFACE;
+            at_surface += u32::from(squared <= AT_THE_SURFACE * AT_THE_SURFACE);
+            let squared = if aimed { squared } else { 1.0 };
+            let reciprocal = 1.0 / squared.sqrt();
+            x[i] = if aimed { dx * reciprocal } else { 0.0 };
+            y[i] = if aimed { dy * reciprocal } else { 0.0 };
+            z[i] = if aimed { dz * reciprocal } else { 1.0 };
+            let factor = constant + inverse * reciprocal + square / squared.max(nearest);
+            strength[i] = if aimed { self.intensity * factor } else { 0.0 };
+        }
+        at_surface as usize
+    }
+}
+
+/// A spot's fall-off with the angle from its axis.
+struct Cone<'a> {
+    spot: &'a Spot,
+    row: &'a mut RowLight,
+}
+
+impl Vectorized for Cone<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let [a, b, c] = self.spot.axis.components().map(|c| c as f32);
+        let n = self.row.x.len();
+        let (x, y, z) = (&self.row.x[..n], &self.row.y[..n], &self.row.z[..n]);
+        let strength = &mut self.row.strength[..n];
+        // A cone of 180 degrees is all directions, the one behind included.
+        let cone = if self.spot.cone >= std::f64::consts::PI { 4.0 } else { self.spot.cone as f32 };
+        let width = (self.spot.cone - self.spot.beam) as f32;
+        // A sharp edge is a very steep one.
+        let slope = if width > 1e-12 { 1.0 / width } else { 1e12 };
+        for i in 0..n {
+            // To the surface is minus to the lamp.
+            let (dx, dy, dz) = (x[i] + a, y[i] + b, z[i] + c);
+            let s = (0.25 * (dx * dx + dy * dy + dz * dz)).min(1.0);
+            let angle = squared_angle(s, 1.0 - s).sqrt();
+            strength[i] *= ((cone - angle) * slope).clamp(0.0, 1.0);
+        }
+    }
+}
+
+/// One direction into the disc that a sphere is from each pixel.
+struct Disc<'a> {
+    positions: &'a RowPositions,
+    lamp: [f32; 3],
+    radius: f32,
+    sample: DiscSample,
+    /// One over the number of samples.
+    share: f32,
+    /// The intensity, where strength is that of the disc's solid angle.
+    physical: Option<f32>,
+    row: &'a mut RowLight,
+}
+
+/// A place on a disc seen from its axis.
+#[derive(Clone, Copy, Debug)]
+struct DiscSample {
+    /// Share of the disc's solid angle that lies further in, 0 to 1.
+    inside: f32,
+    cos: f32,
+    sin: f32,
+}
+
+/// Sample `index` of `count`, each with the same solid angle: a golden-angle spiral, a single one in the
+/// middle.
+fn disc_sample(index: usize, count: usize) -> DiscSample {
+    /// pi (3 - sqrt 5).
+    const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+    let inside = if count == 1 { 0.0 } else { (index as f64 + 0.5) / count as f64 };
+    let (sin, cos) = libm::sincos(GOLDEN_ANGLE * index as f64);
+    DiscSample { inside: inside as f32, cos: cos as f32, sin: sin as f32 }
+}
+
+impl Vectorized for Disc<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let n = self.row.x.len();
+        let (x, y, z) = (&mut self.row.x[..n], &mut self.row.y[..n], &mut self.row.z[..n]);
+        let (px, py, pz) = (&self.positions.x[..n], &self.positions.y[..n], &self.positions.z[..n]);
+        let strength = &mut self.row.strength[..n];
+        let [a, b, c] = self.lamp;
+        let squared_radius = self.radius * self.radius;
+        for i in 0..n {
+            let (dx, dy, dz) = (a - px[i], b - py[i], c - pz[i]);
+            let squared = dx * dx + dy * dy + dz * dz;
+            // Within the sphere it is as at its surface: half of all directions.
+            let sine2 = (squared_radius / squared.max(squared_radius)).min(1.0);
+            let cosine = (1.0 - sine2).sqrt();
+            // 1 - cosine without cancellation: sine^2 / (1 + cosine).
+            let height = sine2 / (1.0 + cosine);
+            let down = self.sample.inside * height;
+            let along = 1.0 - down;
+            let across = (down * (2.0 - down)).max(0.0).sqrt();
+            // Source: Duff et al., *Building an Orthonormal Basis, Revisited*.
+            let (u, v, w) = (x[i], y[i], z[i]);
+            let sign = if w >= 0.0 { 1.0 } else { -1.0 };
+            let p = -1.0 / (sign + w);
+            let q = u * v * p;
+            let (s, t) = (across * self.sample.cos, across * self.sample.sin);
+            x[i] = along * u + s * (1.0 + sign * u * u * p) + t * q;
+            y[i] = along * v + s * (sign * q) + t * (sign + v * v * p);
+            z[i] = along * w + s * (-sign * u) + t * -v;
+            // Radiance intensity / (pi r^2) over a solid angle of 2 pi (1 - cosine), in units of a light of
+            // irradiance pi: at a distance that is intensity / d^2.
+            strength[i] = match self.physical {
+                Some(intensity) if strength[i] > 0.0 => {
+                    intensity * (2.0 * PI * height / (PI * squared_radius)) * self.share
+                }
+                Some(_) => 0.0,
+                None => strength[i] * self.share,
+            };
+        }
+    }
+}

@@ -1,0 +1,306 @@
+//! Ways to evaluate a basis at every pixel's own light direction, and which is the cheapest that is good
+//! enough.
+
+use crate::cube_map::CubeMaps;
+use crate::elementary::{exp, rough_exp, rough_squared_angle, squared_angle};
+use crate::harmonics;
+use crate::table::{Argument, Table};
+use relight_core::basis::{Kernel, Srbf};
+use relight_core::{Basis, CpuLevel, Vectorized};
+use std::fmt;
+
+/// How wrong a function of light may be, in units of the function itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Accuracy {
+    /// To the rounding of f32.
+    #[default]
+    Exact,
+    /// 1e-4.
+    Fine,
+    /// 1e-3.
+    Coarse,
+}
+
+impl Accuracy {
+    /// All, the best first.
+    pub const ALL: [Self; 3] = [Self::Exact, Self::Fine, Self::Coarse];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Fine => "1e-4",
+            Self::Coarse => "1e-3",
+        }
+    }
+
+    /// The largest error; 0 for exact.
+    pub fn error(self) -> f64 {
+        match self {
+            Self::Exact => 0.0,
+            Self::Fine => 1e-4,
+            Self::Coarse => 1e-3,
+        }
+    }
+}
+
+/// How functions are evaluated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Path {
+    /// By their formulas: SRBF through [`squared_angle`](crate::elementary) and a polynomial exponential, SH
+    /// by recursion, PTM and HSH as polynomials; to the rounding of f32.
+    Exact,
+    /// SRBF as above with shorter polynomials, within 2.5e-4 of a function's peak.
+    Short,
+    /// SRBF by the papers' 1-D table over the cosine, linear between so many nodes.
+    CosineTable {
+        /// At least 2.
+        nodes: usize,
+    },
+    /// SRBF by a table over sqrt((1 - cosine) / 2), the sine of half the angle.
+    HalfSineTable {
+        /// At least 2.
+        nodes: usize,
+    },
+    /// Any basis by the papers' cube maps, bilinear between texel centres.
+    CubeMap {
+        /// Texels along an edge of a face, at least 1.
+        size: usize,
+    },
+}
+
+impl fmt::Display for Path {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Exact => write!(f, "formulas"),
+            Self::Short => write!(f, "short polynomials"),
+            Self::CosineTable { nodes } => write!(f, "table of {nodes} over the cosine"),
+            Self::HalfSineTable { nodes } => write!(f, "table of {nodes} over the half-angle's sine"),
+            Self::CubeMap { size } => write!(f, "cube maps of {size} x {size}"),
+        }
+    }
+}
+
+impl Path {
+    /// The cheapest that errs by no more than `accuracy`.
+    ///
+    /// Polynomials in vector registers are cheaper than any table (docs/accuracy.md), so what an error buys
+    /// is their length. PTM, SH and HSH have no exponential to shorten.
+    pub fn of_accuracy(basis: &Basis, accuracy: Accuracy) -> Self {
+        match basis {
+            Basis::Srbf(srbf) if short_error(srbf) <= accuracy.error() => Self::Short,
+            _ => Self::Exact,
+        }
+    }
+
+    /// Nodes of the papers' table over the cosine that err by no more than `error` between them:
+    /// 2 / (spread^2 sqrt(8 error)).
+    ///
+    /// Source: MATH.md section 1.2: linear interpolation errs by h^2 / 8 R'', and R''(1) ~ 1 / spread^4.
+    pub fn cosine_nodes(spread: f64, error: f64) -> usize {
+        (2.0 / (spread * spread * (8.0 * error).sqrt())).ceil().clamp(2.0, 1e6) as usize
+    }
+
+    /// Nodes of the table over the half-angle's sine u: R = exp(-2 asin(u)^2 / spread^2) bends most at
+    /// u = 0, by 4 / spread^2.
+    pub fn half_sine_nodes(spread: f64, error: f64) -> usize {
+        (2.0 / spread / (8.0 * error).sqrt()).ceil().clamp(2.0, 1e6) as usize + 1
+    }
+}
+
+/// Bound of what [`Path::Short`] errs by: the exponential's 8e-5 and, for the geodesic kernel, 4.6e-4 of the
+/// squared angle t, which the Gaussian turns into no more than 4.6e-4 x / e^x, x = t / (2 spread^2).
+fn short_error(srbf: &Srbf) -> f64 {
+    match srbf.kernel() {
+        Kernel::Spherical => 8e-5,
+        Kernel::Geodesic => 2.5e-4,
+    }
+}
+
+/// Unit vectors of a run of pixels, towards the light.
+#[derive(Clone, Copy, Debug)]
+pub struct Directions<'a> {
+    /// To the right.
+    pub x: &'a [f32],
+    /// Upwards.
+    pub y: &'a [f32],
+    /// Out of the picture.
+    pub z: &'a [f32],
+}
+
+/// A basis made ready for one way of evaluation.
+#[derive(Clone, Debug)]
+pub struct Evaluator {
+    count: usize,
+    kind: Kind,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    Srbf { centres: Vec<[f32; 3]>, spread: f64, kernel: Kernel, short: bool },
+    Table { centres: Vec<[f32; 3]>, table: Table },
+    CubeMaps(CubeMaps),
+    Ptm,
+    Sh(harmonics::Recursion),
+    Hsh,
+}
+
+/// A path that a basis doesn't have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoSuchPath {
+    /// The path.
+    pub path: Path,
+    /// The basis' family.
+    pub family: &'static str,
+}
+
+impl fmt::Display for NoSuchPath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "functions of {} can't be evaluated by a {}; tables are for srbf", self.family, self.path)
+    }
+}
+
+impl std::error::Error for NoSuchPath {}
+
+impl Evaluator {
+    /// Prepares `basis` for `path`.
+    ///
+    /// # Errors
+    /// [`NoSuchPath`] for tables of anything but SRBF.
+    pub fn new(basis: &Basis, path: Path) -> Result<Self, NoSuchPath> {
+        let kind = match (basis, path) {
+            (_, Path::CubeMap { size }) => Kind::CubeMaps(CubeMaps::new(basis, size)),
+            (Basis::Srbf(srbf), Path::CosineTable { nodes }) => Kind::Table {
+                centres: centres_of(srbf),
+                table: Table::new(srbf.spread(), srbf.kernel(), Argument::Cosine, nodes),
+            },
+            (Basis::Srbf(srbf), Path::HalfSineTable { nodes }) => Kind::Table {
+                centres: centres_of(srbf),
+                table: Table::new(srbf.spread(), srbf.kernel(), Argument::HalfSine, nodes),
+            },
+            (_, Path::CosineTable { .. } | Path::HalfSineTable { .. }) => {
+                return Err(NoSuchPath { path, family: basis.family().name });
+            }
+            (Basis::Srbf(srbf), Path::Exact | Path::Short) => Kind::Srbf {
+                centres: centres_of(srbf),
+                spread: srbf.spread(),
+                kernel: srbf.kernel(),
+                short: path == Path::Short,
+            },
+            (Basis::Ptm(_), _) => Kind::Ptm,
+            (Basis::Sh(sh), _) => Kind::Sh(harmonics::Recursion::new(usize::from(sh.order()))),
+            (Basis::Hsh(_), _) => Kind::Hsh,
+        };
+        Ok(Self { count: basis.count(), kind })
+    }
+
+    /// k, the number of functions.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Writes b_j of direction i to `weights[j * n + i]`, n the number of directions.
+    ///
+    /// # Panics
+    /// When `weights` is shorter than that.
+    pub fn evaluate(&self, level: CpuLevel, directions: Directions<'_>, weights: &mut [f32]) {
+        let Directions { x, y, z } = directions;
+        let n = x.len();
+        assert!(y.len() == n && z.len() == n && weights.len() >= self.count * n, "shapes of directions");
+        if n == 0 {
+            return;
+        }
+        let rows = &mut weights[..self.count * n];
+        match &self.kind {
+            Kind::Srbf { centres, spread, kernel, short } => {
+                let squared = spread * spread;
+                let factor = match kernel {
+                    Kernel::Geodesic => -0.5 / squared,
+                    Kernel::Spherical => -2.0 / squared,
+                } as f32;
+                for (&centre, row) in centres.iter().zip(rows.chunks_exact_mut(n)) {
+                    let to = To { directions, centre, row };
+                    match (kernel, short) {
+                        (Kernel::Geodesic, false) if *spread > WIDE => {
+                            level.run(Gaussian::<_, true> {
+                                to,
+                                of: |s, t| exp(factor * squared_angle(s, t)),
+                            });
+                        }
+                        (Kernel::Geodesic, false) => {
+                            level.run(Gaussian::<_, false> {
+                                to,
+                                of: |s, t| exp(factor * squared_angle(s, t)),
+                            });
+                        }
+                        (Kernel::Geodesic, true) => {
+                            let of = |s, t| rough_exp(factor * rough_squared_angle(s, t));
+                            level.run(Gaussian::<_, false> { to, of });
+                        }
+                        (Kernel::Spherical, false) => {
+                            level.run(Gaussian::<_, false> { to, of: |s, _| exp(factor * s) });
+                        }
+                        (Kernel::Spherical, true) => {
+                            level.run(Gaussian::<_, false> { to, of: |s, _| rough_exp(factor * s) });
+                        }
+                    }
+                }
+            }
+            Kind::Table { centres, table } => {
+                for (centre, row) in centres.iter().zip(rows.chunks_exact_mut(n)) {
+                    table.evaluate(level, directions, *centre, row);
+                }
+            }
+            Kind::CubeMaps(maps) => maps.evaluate(directions, rows),
+            Kind::Ptm => level.run(harmonics::Monomials { directions, rows, count: self.count }),
+            Kind::Sh(recursion) => recursion.evaluate(level, directions, rows),
+            Kind::Hsh => level.run(harmonics::Hemispherical { directions, rows, count: self.count }),
+        }
+    }
+}
+
+fn centres_of(srbf: &Srbf) -> Vec<[f32; 3]> {
+    srbf.centres().iter().map(|centre| centre.components().map(|c| c as f32)).collect()
+}
+
+/// Gaussians wider than this are not negligible opposite to their centre, where 1 - s has lost the angle's
+/// digits.
+const WIDE: f64 = 0.5;
+
+/// A centre and where the function goes.
+struct To<'a> {
+    directions: Directions<'a>,
+    centre: [f32; 3],
+    row: &'a mut [f32],
+}
+
+/// A function of the squared sine and cosine of half the angle to a centre.
+///
+/// From the difference of the two unit vectors (and, where `BOTH`, from their sum) rather than from their
+/// dot product, which near 1 and -1 has lost half the digits of the angle.
+struct Gaussian<'a, F, const BOTH: bool> {
+    to: To<'a>,
+    of: F,
+}
+
+impl<F: Fn(f32, f32) -> f32, const BOTH: bool> Vectorized for Gaussian<'_, F, BOTH> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let To { directions: Directions { x, y, z }, centre: [a, b, c], row } = self.to;
+        let n = row.len();
+        let (x, y, z) = (&x[..n], &y[..n], &z[..n]);
+        for i in 0..n {
+            let (dx, dy, dz) = (x[i] - a, y[i] - b, z[i] - c);
+            let sine2 = (0.25 * (dx * dx + dy * dy + dz * dz)).min(1.0);
+            let cosine2 = if BOTH {
+                let (dx, dy, dz) = (x[i] + a, y[i] + b, z[i] + c);
+                (0.25 * (dx * dx + dy * dy + dz * dz)).min(1.0)
+            } else {
+                1.0 - sine2
+            };
+            row[i] = (self.of)(sine2, cosine2);
+        }
+    }
+}

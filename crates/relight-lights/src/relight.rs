@@ -1,0 +1,547 @@
+//! Pictures of an asset under a scene, by tiles.
+
+use crate::bound::{Box3, largest_samples, negligible};
+use crate::elementary::linear_from_srgb;
+use crate::lamps::{RowLight, RowPositions};
+use crate::path::Evaluator;
+use crate::plan::{Plan, UniformPass};
+use crate::scene::{Lamp, Light, Scene};
+use crate::uniform::weighted_planes;
+use rayon::prelude::*;
+use relight_core::relighter::Picture;
+use relight_core::{
+    CpuLevel, Layout, PlaneRole, PositionMap, RelightingMap, RelightingMaps, Space, Vectorized,
+};
+use std::time::Instant;
+
+/// Pixels of a tile from left to right: a row's vectors of k functions stay in the L1 cache.
+const TILE_WIDTH: usize = 128;
+
+/// Rows of a tile.
+const TILE_HEIGHT: usize = 32;
+
+/// How a scene is evaluated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Instruction set.
+    pub level: CpuLevel,
+    /// The smallest step of linear light that the picture's file can show, near black; lights that add less
+    /// than half of it to a tile, all together, are skipped there. 0 skips only what adds nothing.
+    pub step: f64,
+    /// Whether what every light costs is timed.
+    pub timed: bool,
+}
+
+/// What was done.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Pixels whose position was read.
+    pub positions_read: usize,
+    /// Tiles of the picture.
+    pub tiles: usize,
+    /// By local light of the plan, in order of its groups.
+    pub local: Vec<LightReport>,
+    /// Seconds of all threads together for the passes without positions.
+    pub uniform_seconds: f64,
+    /// Pixels at which a lamp stands right at the surface, by light, summed.
+    pub at_surface: usize,
+    /// Samples of the sum that came out negative, which bases do where they ring; the file clamps them.
+    pub negative: usize,
+}
+
+/// What a local light cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LightReport {
+    /// Index in [`Scene::lights`].
+    pub light: usize,
+    /// Tiles in which it was evaluated.
+    pub evaluated: usize,
+    /// Tiles that its bound excluded.
+    pub skipped: usize,
+    /// Seconds of all threads together.
+    pub seconds: f64,
+}
+
+/// The picture of `maps` under `scene` in linear light, not clipped; negative sums are kept.
+///
+/// # Panics
+/// When the plan reads positions and there are none, or of another size.
+pub fn relight_scene(
+    maps: &RelightingMaps,
+    positions: Option<&PositionMap>,
+    scene: &Scene,
+    plan: &Plan,
+    settings: &Settings,
+) -> (Picture, Report) {
+    let positions = positions.filter(|_| plan.reads_positions);
+    assert!(!plan.reads_positions || positions.is_some(), "local lights need positions");
+    assert!(
+        positions.is_none_or(|map| (map.width, map.height) == (maps.width, maps.height)),
+        "positions have the asset's size"
+    );
+    let worker = Worker::new(maps, positions, scene, plan, *settings);
+    let (width, channels) = (maps.width, plan.channels);
+    let mut samples = vec![0.0; maps.pixels() * channels];
+    let reports: Vec<Report> = samples
+        .par_chunks_mut(TILE_HEIGHT * width * channels)
+        .enumerate()
+        .map(|(band, out)| worker.band(band * TILE_HEIGHT, out))
+        .collect();
+    let mut report = Report {
+        local: plan
+            .local
+            .iter()
+            .flatten()
+            .map(|&light| LightReport { light, ..LightReport::default() })
+            .collect(),
+        ..Report::default()
+    };
+    for of_band in reports {
+        report.add(&of_band);
+    }
+    (Picture { width, height: maps.height, channels, samples }, report)
+}
+
+impl Report {
+    fn add(&mut self, other: &Self) {
+        self.positions_read += other.positions_read;
+        self.tiles += other.tiles;
+        self.uniform_seconds += other.uniform_seconds;
+        self.at_surface += other.at_surface;
+        self.negative += other.negative;
+        for (light, other) in self.local.iter_mut().zip(&other.local) {
+            light.evaluated += other.evaluated;
+            light.skipped += other.skipped;
+            light.seconds += other.seconds;
+        }
+    }
+}
+
+/// The planes of a channel, by function, and what multiplies their sum.
+struct Channel<'a> {
+    planes: Vec<(&'a RelightingMap, usize)>,
+    /// Indices of `planes` among all.
+    indices: Vec<usize>,
+    factor: Option<usize>,
+}
+
+struct Worker<'a> {
+    maps: &'a RelightingMaps,
+    positions: Option<&'a PositionMap>,
+    scene: &'a Scene,
+    plan: &'a Plan,
+    settings: Settings,
+    evaluator: Option<Evaluator>,
+    /// Of the asset: one or three.
+    channels: Vec<Channel<'a>>,
+    /// The most that a sample can be.
+    largest: [f64; 3],
+}
+
+/// Working space of a band.
+struct Space1 {
+    positions: RowPositions,
+    light: RowLight,
+    /// k rows.
+    functions: Vec<f32>,
+    /// k rows, summed over the lights of a group.
+    weights: Vec<f32>,
+    /// A row for each plane of the asset.
+    planes: Vec<f32>,
+    sum: Vec<f32>,
+}
+
+impl<'a> Worker<'a> {
+    fn new(
+        maps: &'a RelightingMaps,
+        positions: Option<&'a PositionMap>,
+        scene: &'a Scene,
+        plan: &'a Plan,
+        settings: Settings,
+    ) -> Self {
+        let mut channels: Vec<Channel<'_>> = (0..maps.model.channels())
+            .map(|_| Channel { planes: Vec::new(), indices: Vec::new(), factor: None })
+            .collect();
+        for (index, role) in maps.model.roles().into_iter().enumerate() {
+            match role {
+                PlaneRole::Coefficient { functions } => {
+                    for (channel, function) in channels.iter_mut().zip(functions) {
+                        if let Some(function) = function {
+                            channel.planes.push((&maps.planes[index], usize::from(function)));
+                            channel.indices.push(index);
+                        }
+                    }
+                }
+                PlaneRole::BaseColor { channel } => channels[usize::from(channel)].factor = Some(index),
+            }
+        }
+        let largest = if plan.local.is_empty() { [0.0; 3] } else { largest_samples(maps) };
+        Self {
+            maps,
+            positions,
+            scene,
+            plan,
+            settings,
+            evaluator: plan.evaluator(&maps.model),
+            channels,
+            largest,
+        }
+    }
+
+    /// Rows `first_row ..` of the picture, as many as `out` has.
+    fn band(&self, first_row: usize, out: &mut [f32]) -> Report {
+        let width = self.maps.width;
+        let rows = out.len() / (width * self.plan.channels);
+        let mut report = Report {
+            tiles: width.div_ceil(TILE_WIDTH),
+            local: vec![LightReport::default(); self.plan.local.iter().map(Vec::len).sum()],
+            ..Report::default()
+        };
+        let start = self.clock();
+        for pass in &self.plan.uniform {
+            self.uniform(pass, first_row * width, out);
+        }
+        report.uniform_seconds = seconds(start);
+        if let Some(positions) = self.positions {
+            let count = self.maps.model.basis.count();
+            let mut space = Space1 {
+                positions: RowPositions::default(),
+                light: RowLight::default(),
+                functions: vec![0.0; count * TILE_WIDTH],
+                weights: vec![0.0; count * TILE_WIDTH],
+                planes: vec![0.0; self.maps.planes.len() * TILE_WIDTH],
+                sum: vec![0.0; TILE_WIDTH],
+            };
+            for column in (0..width).step_by(TILE_WIDTH) {
+                let tile = Tile { first_row, rows, column, pixels: TILE_WIDTH.min(width - column) };
+                self.local(positions, tile, &mut space, out, &mut report);
+            }
+        }
+        report.negative = out.iter().filter(|sample| **sample < 0.0).count();
+        report
+    }
+
+    fn clock(&self) -> Option<Instant> {
+        self.settings.timed.then(Instant::now)
+    }
+
+    /// Adds a pass without positions to the pixels from `first` on.
+    fn uniform(&self, pass: &UniformPass, first: usize, out: &mut [f32]) {
+        /// Pixels at a time: sums and planes stay in the L1 cache.
+        const RUN: usize = 2048;
+        let channels = self.plan.channels;
+        let mut sum = vec![0.0; RUN];
+        let mut factor = vec![0.0; RUN];
+        for (run, out) in out.chunks_mut(RUN * channels).enumerate() {
+            let (first, pixels) = (first + run * RUN, out.len() / channels);
+            let (sum, factor) = (&mut sum[..pixels], &mut factor[..pixels]);
+            let mut summed: Option<(&[usize], &[f32])> = None;
+            for c in 0..channels {
+                let channel = &self.channels[c.min(self.channels.len() - 1)];
+                let weights = &pass.weights[c][..];
+                // Luminance under white light is the same in all channels.
+                if summed != Some((&channel.indices, weights)) {
+                    let planes: Vec<_> =
+                        channel.planes.iter().map(|&(plane, f)| (plane, weights[f])).collect();
+                    weighted_planes(self.settings.level, &planes, first, sum);
+                    summed = Some((&channel.indices, weights));
+                }
+                let scaled = channel.factor.map(|plane| {
+                    self.maps.planes[plane].coefficients(first, factor);
+                    &factor[..]
+                });
+                let decode = self.maps.model.space == Space::Encoded;
+                let add = AddChannel {
+                    sum,
+                    factor: scaled,
+                    decode,
+                    strength: None,
+                    color: pass.color[c],
+                    channel: c,
+                };
+                self.settings.level.run(Interleave { add, out, channels });
+            }
+        }
+    }
+
+    /// Adds the local lights to a tile of a band's pixels.
+    fn local(&self, map: &PositionMap, tile: Tile, space: &mut Space1, out: &mut [f32], report: &mut Report) {
+        let width = self.maps.width;
+        let mut bounds = Box3::new();
+        for row in 0..tile.rows {
+            bounds.add(map, (tile.first_row + row) * width + tile.column, tile.pixels);
+        }
+        report.positions_read += tile.rows * tile.pixels;
+        let lights: Vec<usize> = self.plan.local.iter().flatten().copied().collect();
+        let most: Vec<f64> = lights
+            .iter()
+            .map(|&light| {
+                let light = &self.scene.lights[light];
+                let color = (0..3).map(|c| self.largest[c] * f64::from(light.color[c])).fold(0.0, f64::max);
+                color * bounds.strength(light)
+            })
+            .collect();
+        let skipped = negligible(&most, 0.5 * self.settings.step);
+        for (report, skipped) in report.local.iter_mut().zip(&skipped) {
+            *if *skipped { &mut report.skipped } else { &mut report.evaluated } += 1;
+        }
+        if skipped.iter().all(|skipped| *skipped) {
+            return;
+        }
+        for row in 0..tile.rows {
+            let first = (tile.first_row + row) * width + tile.column;
+            space.positions.load(map, first, tile.pixels);
+            for (plane, values) in self.maps.planes.iter().zip(space.planes.chunks_exact_mut(TILE_WIDTH)) {
+                plane.coefficients(first, &mut values[..tile.pixels]);
+            }
+            let start = (row * width + tile.column) * self.plan.channels;
+            let out = &mut out[start..start + tile.pixels * self.plan.channels];
+            let mut number = 0;
+            for group in &self.plan.local {
+                let numbers = number..number + group.len();
+                self.group(
+                    group,
+                    &skipped[numbers.clone()],
+                    tile.pixels,
+                    space,
+                    out,
+                    &mut report.local[numbers.clone()],
+                    &mut report.at_surface,
+                );
+                number = numbers.end;
+            }
+        }
+    }
+
+    /// Adds the lights of one colour to a row of a tile.
+    #[expect(clippy::too_many_arguments, reason = "a row's state, borrowed apart")]
+    fn group(
+        &self,
+        group: &[usize],
+        skipped: &[bool],
+        pixels: usize,
+        space: &mut Space1,
+        out: &mut [f32],
+        reports: &mut [LightReport],
+        at_surface: &mut usize,
+    ) {
+        let Some(evaluator) = &self.evaluator else { return };
+        let count = evaluator.count();
+        let level = self.settings.level;
+        let adds_up = self.maps.model.space == Space::Linear;
+        let mut waiting = false;
+        let color = self.scene.lights[group[0]].color;
+        for ((&light, _), report) in
+            group.iter().zip(skipped).zip(reports).filter(|((_, skipped), _)| !**skipped)
+        {
+            let start = self.clock();
+            let light = &self.scene.lights[light];
+            for sample in 0..samples(light) {
+                let surface = space.light.aim(level, light, sample, &self.plan.horizon, &space.positions);
+                *at_surface += if sample == 0 { surface } else { 0 };
+                if space.light.is_dark() {
+                    continue;
+                }
+                evaluator.evaluate(level, space.light.directions(), &mut space.functions[..count * pixels]);
+                if adds_up && space.light.gobo.is_none() {
+                    let functions = &space.functions[..count * pixels];
+                    let weights = &mut space.weights[..count * pixels];
+                    level.run(Gather {
+                        functions,
+                        strength: &space.light.strength,
+                        weights,
+                        fresh: !waiting,
+                    });
+                    waiting = true;
+                } else {
+                    let Space1 { functions, planes, sum, light: row, .. } = space;
+                    let strength = Some(Strength { row: &row.strength, gobo: row.gobo.as_ref() });
+                    self.add_sums(
+                        &functions[..count * pixels],
+                        planes,
+                        &mut sum[..pixels],
+                        color,
+                        strength,
+                        out,
+                    );
+                }
+            }
+            report.seconds += seconds(start);
+        }
+        if waiting {
+            let Space1 { weights, planes, sum, .. } = space;
+            self.add_sums(&weights[..count * pixels], planes, &mut sum[..pixels], color, None, out);
+        }
+    }
+
+    /// Adds, by channel, color x the sum over functions of weight x coefficient to a row.
+    fn add_sums(
+        &self,
+        weights: &[f32],
+        planes: &[f32],
+        sum: &mut [f32],
+        color: [f32; 3],
+        strength: Option<Strength<'_>>,
+        out: &mut [f32],
+    ) {
+        let (level, channels) = (self.settings.level, self.plan.channels);
+        let shared = self.maps.model.layout != Layout::Rgb;
+        for c in 0..channels {
+            let channel = &self.channels[c.min(self.channels.len() - 1)];
+            if c == 0 || !shared {
+                level.run(Products { weights, planes, channel, sum });
+            }
+            let factor = channel.factor.map(|plane| &planes[plane * TILE_WIDTH..][..sum.len()]);
+            let decode = self.maps.model.space == Space::Encoded;
+            let strength = strength.as_ref().map(|s| (s.row, s.gobo.map(|gobo| &gobo[c][..])));
+            let add = AddChannel { sum, factor, decode, strength, color: color[c], channel: c };
+            level.run(Interleave { add, out, channels });
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Tile {
+    first_row: usize,
+    rows: usize,
+    column: usize,
+    pixels: usize,
+}
+
+struct Strength<'a> {
+    row: &'a [f32],
+    gobo: Option<&'a [Vec<f32>; 3]>,
+}
+
+fn samples(light: &Light) -> usize {
+    match light.lamp {
+        Lamp::Sphere { samples, .. } => samples,
+        _ => 1,
+    }
+}
+
+fn seconds(start: Option<Instant>) -> f64 {
+    start.map_or(0.0, |start| start.elapsed().as_secs_f64())
+}
+
+/// Functions times a light's strength, added to those of the lights before it.
+struct Gather<'a> {
+    functions: &'a [f32],
+    strength: &'a [f32],
+    weights: &'a mut [f32],
+    fresh: bool,
+}
+
+impl Vectorized for Gather<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let n = self.strength.len();
+        let rows = self.weights.chunks_exact_mut(n).zip(self.functions.chunks_exact(n));
+        for (weights, functions) in rows {
+            if self.fresh {
+                for i in 0..n {
+                    weights[i] = functions[i] * self.strength[i];
+                }
+            } else {
+                for i in 0..n {
+                    weights[i] += functions[i] * self.strength[i];
+                }
+            }
+        }
+    }
+}
+
+/// The sum over a channel's planes of weight x coefficient, at each pixel.
+struct Products<'a, 'b> {
+    /// By function.
+    weights: &'a [f32],
+    /// By plane, rows of [`TILE_WIDTH`].
+    planes: &'a [f32],
+    channel: &'a Channel<'b>,
+    sum: &'a mut [f32],
+}
+
+impl Vectorized for Products<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        const LANES: usize = 32;
+        let n = self.sum.len();
+        let terms = || self.channel.planes.iter().zip(&self.channel.indices);
+        let whole = n / LANES * LANES;
+        for first in (0..whole).step_by(LANES) {
+            let mut sums = [0.0f32; LANES];
+            for ((_, function), plane) in terms() {
+                let weights = &self.weights[function * n + first..][..LANES];
+                let coefficients = &self.planes[plane * TILE_WIDTH + first..][..LANES];
+                for i in 0..LANES {
+                    sums[i] += weights[i] * coefficients[i];
+                }
+            }
+            self.sum[first..first + LANES].copy_from_slice(&sums);
+        }
+        for i in whole..n {
+            self.sum[i] = terms().fold(0.0, |sum, ((_, function), plane)| {
+                sum + self.weights[function * n + i] * self.planes[plane * TILE_WIDTH + i]
+            });
+        }
+    }
+}
+
+/// A channel of a pass on its way into the picture.
+struct AddChannel<'a> {
+    sum: &'a [f32],
+    /// Base colour.
+    factor: Option<&'a [f32]>,
+    /// Whether the product is encoded.
+    decode: bool,
+    /// Strength of the light at each pixel, and of a picture in its way.
+    strength: Option<(&'a [f32], Option<&'a [f32]>)>,
+    color: f32,
+    channel: usize,
+}
+
+struct Interleave<'a> {
+    add: AddChannel<'a>,
+    out: &'a mut [f32],
+    channels: usize,
+}
+
+impl Vectorized for Interleave<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        /// Pixels whose values are in registers before they are interleaved.
+        const LANES: usize = 32;
+        let AddChannel { sum, factor, decode, strength, color, channel } = self.add;
+        let n = sum.len();
+        for first in (0..n).step_by(LANES) {
+            let lanes = LANES.min(n - first);
+            let mut values = [0.0f32; LANES];
+            values[..lanes].copy_from_slice(&sum[first..first + lanes]);
+            if let Some(factor) = factor {
+                values
+                    .iter_mut()
+                    .zip(&factor[first..first + lanes])
+                    .for_each(|(value, factor)| *value *= factor);
+            }
+            if decode {
+                values.iter_mut().for_each(|value| *value = linear_from_srgb(*value));
+            }
+            if let Some((strength, gobo)) = strength {
+                values.iter_mut().zip(&strength[first..first + lanes]).for_each(|(value, s)| *value *= s);
+                if let Some(gobo) = gobo {
+                    values.iter_mut().zip(&gobo[first..first + lanes]).for_each(|(value, g)| *value *= g);
+                }
+            }
+            let out = &mut self.out[first * self.channels..(first + lanes) * self.channels];
+            for (pixel, value) in out.chunks_exact_mut(self.channels).zip(&values) {
+                pixel[channel] += color * value;
+            }
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! Pictures under light that has the same direction at every pixel: one weight a plane.
+
+use relight_core::weighted_sums::{Rows, weighted_sums};
+use relight_core::{CpuLevel, RelightingMap, Texels, Vectorized};
+
+/// Writes the sum over `planes` of weight x coefficient to `out`, for the pixels from `first` on.
+///
+/// Of 8-bit planes the scale and 1 / 255 go into the weights and the biases into one constant, so that a
+/// code costs a conversion, a multiplication and an addition: the sum is that of
+/// [`relighter`](relight_core::relighter) but for rounding.
+pub(crate) fn weighted_planes(
+    level: CpuLevel,
+    planes: &[(&RelightingMap, f32)],
+    first: usize,
+    out: &mut [f32],
+) {
+    let pixels = out.len();
+    let codes: Option<Vec<&[u8]>> = planes
+        .iter()
+        .map(|(plane, _)| match &plane.texels {
+            Texels::U8(codes) => Some(&codes[first..first + pixels]),
+            Texels::F16(_) | Texels::F32(_) => None,
+        })
+        .collect();
+    match codes {
+        Some(codes) => {
+            let weights: Vec<f32> =
+                planes.iter().map(|(plane, weight)| weight * (plane.scale / 255.0)).collect();
+            let constant = planes.iter().fold(0.0f32, |sum, (plane, weight)| sum + weight * plane.bias);
+            level.run(WeightedCodes { codes: &codes, weights: &weights, constant, out });
+        }
+        None => {
+            let mut rows = vec![0.0f32; planes.len() * pixels];
+            for ((plane, _), row) in planes.iter().zip(rows.chunks_exact_mut(pixels)) {
+                plane.coefficients(first, row);
+            }
+            let weights: Vec<f32> = planes.iter().map(|(_, weight)| *weight).collect();
+            let input = Rows { samples: &rows[..], stride: pixels };
+            let output = Rows { samples: &mut out[..], stride: pixels };
+            weighted_sums(level, &weights, planes.len(), input, output, pixels);
+        }
+    }
+}
+
+struct WeightedCodes<'a> {
+    /// Of each plane, as many as `out` has samples.
+    codes: &'a [&'a [u8]],
+    weights: &'a [f32],
+    constant: f32,
+    out: &'a mut [f32],
+}
+
+/// Sums that stay in registers.
+const LANES: usize = 64;
+
+impl Vectorized for WeightedCodes<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let whole = self.out.len() / LANES * LANES;
+        for first in (0..whole).step_by(LANES) {
+            let mut sums = [self.constant; LANES];
+            for (codes, weight) in self.codes.iter().zip(self.weights) {
+                let codes = &codes[first..first + LANES];
+                for (sum, code) in sums.iter_mut().zip(codes) {
+                    *sum += weight * f32::from(*code);
+                }
+            }
+            self.out[first..first + LANES].copy_from_slice(&sums);
+        }
+        for i in whole..self.out.len() {
+            let terms = self.codes.iter().zip(self.weights);
+            self.out[i] =
+                terms.fold(self.constant, |sum, (codes, weight)| sum + weight * f32::from(codes[i]));
+        }
+    }
+}
