@@ -3,7 +3,8 @@
 use crate::scene::{Attenuation, Lamp, Light};
 use relight_core::basis::ptm_exponents;
 use relight_core::{
-    Basis, PlaneRole, PositionMap, RelightingMap, RelightingMaps, SKY, Space, Texels, linear_from_srgb,
+    Basis, CpuLevel, PlaneRole, PositionMap, RelightingMap, RelightingMaps, SKY, Space, Texels, Vectorized,
+    linear_from_srgb,
 };
 use std::f64::consts::PI;
 
@@ -83,20 +84,16 @@ impl Box3 {
     }
 
     /// Adds the pixels from `first` on.
-    pub(crate) fn add(&mut self, map: &PositionMap, first: usize, pixels: usize) {
-        for point in &map.points[first..first + pixels] {
-            let point = point.map(f64::from);
-            if point.iter().any(|c| c.is_nan()) {
-                continue;
-            }
-            if point.iter().any(|c| c.abs() > SKY / 1e3) {
-                self.sky = true;
-                continue;
-            }
-            let (least, largest) = self.near.get_or_insert((point, point));
+    pub(crate) fn add(&mut self, level: CpuLevel, map: &PositionMap, first: usize, pixels: usize) {
+        let points = map.points[first..first + pixels].as_flattened();
+        let ([least, largest], farthest) = level.run(Extent { points });
+        self.sky |= farthest > FAR;
+        if least.iter().zip(&largest).all(|(least, largest)| least <= largest) {
+            let (low, high) = (least.map(f64::from), largest.map(f64::from));
+            let (least, largest) = self.near.get_or_insert((low, high));
             for i in 0..3 {
-                least[i] = least[i].min(point[i]);
-                largest[i] = largest[i].max(point[i]);
+                least[i] = least[i].min(low[i]);
+                largest[i] = largest[i].max(high[i]);
             }
         }
     }
@@ -135,6 +132,44 @@ impl Box3 {
         let across = length([0, 1, 2].map(|i| middle[i] - along * axis[i]));
         // With a margin for rounding of f32.
         libm::atan2(across, along) - libm::asin((radius / distance).min(1.0)) > spot.cone + 1e-3
+    }
+}
+
+/// Coordinates beyond this are the sky's.
+const FAR: f32 = (SKY / 1e3) as f32;
+
+/// The least and the largest coordinates of points, x, y, z one after another, by axis, and the largest
+/// magnitude. Coordinates of the sky and what is no number are left out one by one: a sky's other
+/// coordinates make the box only larger.
+struct Extent<'a> {
+    points: &'a [f32],
+}
+
+impl Vectorized for Extent<'_> {
+    type Output = ([[f32; 3]; 2], f32);
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        /// Whole points in whole vectors.
+        const LANES: usize = 48;
+        let (mut least, mut largest) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
+        let mut farthest = [0.0f32; LANES];
+        for points in self.points.chunks(LANES) {
+            let mut lanes = [f32::NAN; LANES];
+            lanes[..points.len()].copy_from_slice(points);
+            for i in 0..LANES {
+                let far = lanes[i].abs();
+                // False for NaN.
+                let near = far <= FAR;
+                least[i] = least[i].min(if near { lanes[i] } else { f32::INFINITY });
+                largest[i] = largest[i].max(if near { lanes[i] } else { f32::NEG_INFINITY });
+                farthest[i] = farthest[i].max(far);
+            }
+        }
+        let of_axis = |values: [f32; LANES], choose: fn(f32, f32) -> f32| {
+            [0, 1, 2].map(|axis| values[axis..].iter().step_by(3).copied().fold(values[axis], choose))
+        };
+        ([of_axis(least, f32::min), of_axis(largest, f32::max)], farthest.into_iter().fold(0.0, f32::max))
     }
 }
 

@@ -2,7 +2,9 @@
 //! enough.
 
 use crate::cube_map::CubeMaps;
-use crate::elementary::{exp, rough_exp, rough_squared_angle, squared_angle};
+use crate::elementary::{
+    NARROW, coarse_exp, coarse_squared_angle, exp, fine_exp, fine_squared_angle, squared_angle,
+};
 use crate::harmonics;
 use crate::table::{Argument, Table};
 use relight_core::basis::{Kernel, Srbf};
@@ -50,8 +52,10 @@ pub enum Path {
     /// By their formulas: SRBF through [`squared_angle`](crate::elementary) and a polynomial exponential, SH
     /// by recursion, PTM and HSH as polynomials; to the rounding of f32.
     Exact,
-    /// SRBF as above with shorter polynomials, within 2.5e-4 of a function's peak.
-    Short,
+    /// SRBF up to a spread of 0.6 with shorter polynomials, within 6e-5 of a function's peak.
+    Fine,
+    /// The same with the shortest, within 2.1e-4.
+    Coarse,
     /// SRBF by the papers' 1-D table over the cosine, linear between so many nodes.
     CosineTable {
         /// At least 2.
@@ -73,7 +77,8 @@ impl fmt::Display for Path {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Exact => write!(f, "formulas"),
-            Self::Short => write!(f, "short polynomials"),
+            Self::Fine => write!(f, "short polynomials"),
+            Self::Coarse => write!(f, "shortest polynomials"),
             Self::CosineTable { nodes } => write!(f, "table of {nodes} over the cosine"),
             Self::HalfSineTable { nodes } => write!(f, "table of {nodes} over the half-angle's sine"),
             Self::CubeMap { size } => write!(f, "cube maps of {size} x {size}"),
@@ -85,10 +90,11 @@ impl Path {
     /// The cheapest that errs by no more than `accuracy`.
     ///
     /// Polynomials in vector registers are cheaper than any table (docs/accuracy.md), so what an error buys
-    /// is their length. PTM, SH and HSH have no exponential to shorten.
+    /// is their length, where Gaussians are narrow enough for them. PTM, SH and HSH have none to shorten.
     pub fn of_accuracy(basis: &Basis, accuracy: Accuracy) -> Self {
-        match basis {
-            Basis::Srbf(srbf) if short_error(srbf) <= accuracy.error() => Self::Short,
+        match (basis, accuracy) {
+            (Basis::Srbf(srbf), Accuracy::Coarse) if srbf.spread() <= NARROW => Self::Coarse,
+            (Basis::Srbf(srbf), Accuracy::Fine) if srbf.spread() <= NARROW => Self::Fine,
             _ => Self::Exact,
         }
     }
@@ -105,15 +111,6 @@ impl Path {
     /// u = 0, by 4 / spread^2.
     pub fn half_sine_nodes(spread: f64, error: f64) -> usize {
         (2.0 / spread / (8.0 * error).sqrt()).ceil().clamp(2.0, 1e6) as usize + 1
-    }
-}
-
-/// Bound of what [`Path::Short`] errs by: the exponential's 8e-5 and, for the geodesic kernel, 4.6e-4 of the
-/// squared angle t, which the Gaussian turns into no more than 4.6e-4 x / e^x, x = t / (2 spread^2).
-fn short_error(srbf: &Srbf) -> f64 {
-    match srbf.kernel() {
-        Kernel::Spherical => 8e-5,
-        Kernel::Geodesic => 2.5e-4,
     }
 }
 
@@ -137,7 +134,7 @@ pub struct Evaluator {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    Srbf { centres: Vec<[f32; 3]>, spread: f64, kernel: Kernel, short: bool },
+    Srbf { centres: Vec<[f32; 3]>, spread: f64, kernel: Kernel, accuracy: Accuracy },
     Table { centres: Vec<[f32; 3]>, table: Table },
     CubeMaps(CubeMaps),
     Ptm,
@@ -181,11 +178,15 @@ impl Evaluator {
             (_, Path::CosineTable { .. } | Path::HalfSineTable { .. }) => {
                 return Err(NoSuchPath { path, family: basis.family().name });
             }
-            (Basis::Srbf(srbf), Path::Exact | Path::Short) => Kind::Srbf {
+            (Basis::Srbf(srbf), Path::Exact | Path::Fine | Path::Coarse) => Kind::Srbf {
                 centres: centres_of(srbf),
                 spread: srbf.spread(),
                 kernel: srbf.kernel(),
-                short: path == Path::Short,
+                accuracy: match path {
+                    Path::Coarse if srbf.spread() <= NARROW => Accuracy::Coarse,
+                    Path::Fine if srbf.spread() <= NARROW => Accuracy::Fine,
+                    _ => Accuracy::Exact,
+                },
             },
             (Basis::Ptm(_), _) => Kind::Ptm,
             (Basis::Sh(sh), _) => Kind::Sh(harmonics::Recursion::new(usize::from(sh.order()))),
@@ -212,7 +213,7 @@ impl Evaluator {
         }
         let rows = &mut weights[..self.count * n];
         match &self.kind {
-            Kind::Srbf { centres, spread, kernel, short } => {
+            Kind::Srbf { centres, spread, kernel, accuracy } => {
                 let squared = spread * spread;
                 let factor = match kernel {
                     Kernel::Geodesic => -0.5 / squared,
@@ -220,28 +221,35 @@ impl Evaluator {
                 } as f32;
                 for (&centre, row) in centres.iter().zip(rows.chunks_exact_mut(n)) {
                     let to = To { directions, centre, row };
-                    match (kernel, short) {
-                        (Kernel::Geodesic, false) if *spread > WIDE => {
+                    match (kernel, accuracy) {
+                        (Kernel::Geodesic, Accuracy::Exact) if *spread > WIDE => {
                             level.run(Gaussian::<_, true> {
                                 to,
                                 of: |s, t| exp(factor * squared_angle(s, t)),
                             });
                         }
-                        (Kernel::Geodesic, false) => {
+                        (Kernel::Geodesic, Accuracy::Exact) => {
                             level.run(Gaussian::<_, false> {
                                 to,
                                 of: |s, t| exp(factor * squared_angle(s, t)),
                             });
                         }
-                        (Kernel::Geodesic, true) => {
-                            let of = |s, t| rough_exp(factor * rough_squared_angle(s, t));
+                        (Kernel::Geodesic, Accuracy::Fine) => {
+                            let of = |s, _| fine_exp(factor * fine_squared_angle(s));
                             level.run(Gaussian::<_, false> { to, of });
                         }
-                        (Kernel::Spherical, false) => {
+                        (Kernel::Geodesic, Accuracy::Coarse) => {
+                            let of = |s, _| coarse_exp(factor * coarse_squared_angle(s));
+                            level.run(Gaussian::<_, false> { to, of });
+                        }
+                        (Kernel::Spherical, Accuracy::Exact) => {
                             level.run(Gaussian::<_, false> { to, of: |s, _| exp(factor * s) });
                         }
-                        (Kernel::Spherical, true) => {
-                            level.run(Gaussian::<_, false> { to, of: |s, _| rough_exp(factor * s) });
+                        (Kernel::Spherical, Accuracy::Fine) => {
+                            level.run(Gaussian::<_, false> { to, of: |s, _| fine_exp(factor * s) });
+                        }
+                        (Kernel::Spherical, Accuracy::Coarse) => {
+                            level.run(Gaussian::<_, false> { to, of: |s, _| coarse_exp(factor * s) });
                         }
                     }
                 }

@@ -4,9 +4,9 @@ use crate::bound::{Box3, largest_samples, negligible};
 use crate::elementary::linear_from_srgb;
 use crate::lamps::{RowLight, RowPositions};
 use crate::path::Evaluator;
-use crate::plan::{Plan, UniformPass};
+use crate::plan::Plan;
 use crate::scene::{Lamp, Light, Scene};
-use crate::uniform::weighted_planes;
+use crate::uniform::{coefficients, weighted_planes};
 use rayon::prelude::*;
 use relight_core::relighter::Picture;
 use relight_core::{
@@ -16,6 +16,13 @@ use std::time::Instant;
 
 /// Pixels of a tile from left to right: a row's vectors of k functions stay in the L1 cache.
 const TILE_WIDTH: usize = 128;
+
+/// Pixels that passes without positions take at a time where there are no others: sums and codes stay in
+/// the L1 cache.
+const RUN: usize = 2048;
+
+/// Pixels whose coefficients are decoded at a time for local lights.
+const STRIP: usize = 8 * TILE_WIDTH;
 
 /// Rows of a tile.
 const TILE_HEIGHT: usize = 32;
@@ -139,7 +146,7 @@ struct Worker<'a> {
 }
 
 /// Working space of a band.
-struct Space1 {
+struct Workspace {
     positions: RowPositions,
     light: RowLight,
     /// k rows.
@@ -149,6 +156,8 @@ struct Space1 {
     /// A row for each plane of the asset.
     planes: Vec<f32>,
     sum: Vec<f32>,
+    /// By channel.
+    sums: Vec<f32>,
 }
 
 impl<'a> Worker<'a> {
@@ -197,27 +206,45 @@ impl<'a> Worker<'a> {
             local: vec![LightReport::default(); self.plan.local.iter().map(Vec::len).sum()],
             ..Report::default()
         };
-        let start = self.clock();
-        for pass in &self.plan.uniform {
-            self.uniform(pass, first_row * width, out);
-        }
-        report.uniform_seconds = seconds(start);
-        if let Some(positions) = self.positions {
-            let count = self.maps.model.basis.count();
-            let mut space = Space1 {
-                positions: RowPositions::default(),
-                light: RowLight::default(),
-                functions: vec![0.0; count * TILE_WIDTH],
-                weights: vec![0.0; count * TILE_WIDTH],
-                planes: vec![0.0; self.maps.planes.len() * TILE_WIDTH],
-                sum: vec![0.0; TILE_WIDTH],
-            };
-            for column in (0..width).step_by(TILE_WIDTH) {
-                let tile = Tile { first_row, rows, column, pixels: TILE_WIDTH.min(width - column) };
-                self.local(positions, tile, &mut space, out, &mut report);
+        let mut sums = vec![0.0; self.plan.channels * RUN];
+        let Some(positions) = self.positions else {
+            let start = self.clock();
+            for (run, out) in out.chunks_mut(RUN * self.plan.channels).enumerate() {
+                let sums = &mut sums[..out.len()];
+                sums.fill(0.0);
+                self.uniform(first_row * width + run * RUN, sums);
+                self.settings.level.run(Interleave { sums, out, channels: self.plan.channels });
+            }
+            report.uniform_seconds = seconds(start);
+            report.negative = negative_samples(out);
+            return report;
+        };
+        let count = self.maps.model.basis.count();
+        let mut space = Workspace {
+            positions: RowPositions::default(),
+            light: RowLight::default(),
+            functions: vec![0.0; count * TILE_WIDTH],
+            weights: vec![0.0; count * TILE_WIDTH],
+            planes: vec![0.0; self.maps.planes.len() * STRIP],
+            sum: vec![0.0; TILE_WIDTH],
+            sums,
+        };
+        let tiles: Vec<Tile> = (0..width)
+            .step_by(TILE_WIDTH)
+            .map(|column| {
+                let pixels = TILE_WIDTH.min(width - column);
+                let skipped = self.out_of_reach(positions, (first_row, rows), (column, pixels), &mut report);
+                Tile { column, pixels, lit: skipped.iter().any(|skipped| !skipped), skipped }
+            })
+            .collect();
+        for (row, out) in out.chunks_exact_mut(width * self.plan.channels).enumerate() {
+            let first = (first_row + row) * width;
+            let strips = out.chunks_mut(STRIP * self.plan.channels).zip(tiles.chunks(STRIP / TILE_WIDTH));
+            for (out, tiles) in strips {
+                self.strip(positions, first, tiles, &mut space, out, &mut report);
             }
         }
-        report.negative = out.iter().filter(|sample| **sample < 0.0).count();
+        report.negative = negative_samples(out);
         report
     }
 
@@ -225,56 +252,60 @@ impl<'a> Worker<'a> {
         self.settings.timed.then(Instant::now)
     }
 
-    /// Adds a pass without positions to the pixels from `first` on.
-    fn uniform(&self, pass: &UniformPass, first: usize, out: &mut [f32]) {
-        /// Pixels at a time: sums and planes stay in the L1 cache.
-        const RUN: usize = 2048;
-        let channels = self.plan.channels;
-        let mut sum = vec![0.0; RUN];
-        let mut factor = vec![0.0; RUN];
-        for (run, out) in out.chunks_mut(RUN * channels).enumerate() {
-            let (first, pixels) = (first + run * RUN, out.len() / channels);
-            let (sum, factor) = (&mut sum[..pixels], &mut factor[..pixels]);
+    /// Adds the passes without positions, for the pixels from `first` on, to sums by channel.
+    fn uniform(&self, first: usize, sums: &mut [f32]) {
+        if self.plan.uniform.is_empty() {
+            return;
+        }
+        let pixels = sums.len() / self.plan.channels;
+        let (mut sum, mut factor) = (vec![0.0; pixels], vec![0.0; pixels]);
+        for pass in &self.plan.uniform {
             let mut summed: Option<(&[usize], &[f32])> = None;
-            for c in 0..channels {
+            for (c, total) in sums.chunks_exact_mut(pixels).enumerate() {
                 let channel = &self.channels[c.min(self.channels.len() - 1)];
                 let weights = &pass.weights[c][..];
                 // Luminance under white light is the same in all channels.
                 if summed != Some((&channel.indices, weights)) {
                     let planes: Vec<_> =
                         channel.planes.iter().map(|&(plane, f)| (plane, weights[f])).collect();
-                    weighted_planes(self.settings.level, &planes, first, sum);
+                    weighted_planes(self.settings.level, &planes, first, &mut sum);
                     summed = Some((&channel.indices, weights));
                 }
                 let scaled = channel.factor.map(|plane| {
-                    self.maps.planes[plane].coefficients(first, factor);
+                    coefficients(self.settings.level, &self.maps.planes[plane], first, &mut factor);
                     &factor[..]
                 });
-                let decode = self.maps.model.space == Space::Encoded;
-                let add = AddChannel {
-                    sum,
+                self.settings.level.run(AddChannel {
+                    sum: &sum,
                     factor: scaled,
-                    decode,
+                    decode: self.maps.model.space == Space::Encoded,
                     strength: None,
                     color: pass.color[c],
-                    channel: c,
-                };
-                self.settings.level.run(Interleave { add, out, channels });
+                    total,
+                });
             }
         }
     }
 
-    /// Adds the local lights to a tile of a band's pixels.
-    fn local(&self, map: &PositionMap, tile: Tile, space: &mut Space1, out: &mut [f32], report: &mut Report) {
-        let width = self.maps.width;
+    /// Which of the local lights, in order of the plan's groups, need not be evaluated in the tile of these
+    /// (first, number of) rows and columns.
+    fn out_of_reach(
+        &self,
+        map: &PositionMap,
+        (first_row, rows): (usize, usize),
+        (column, pixels): (usize, usize),
+        report: &mut Report,
+    ) -> Vec<bool> {
         let mut bounds = Box3::new();
-        for row in 0..tile.rows {
-            bounds.add(map, (tile.first_row + row) * width + tile.column, tile.pixels);
+        for row in first_row..first_row + rows {
+            bounds.add(self.settings.level, map, row * self.maps.width + column, pixels);
         }
-        report.positions_read += tile.rows * tile.pixels;
-        let lights: Vec<usize> = self.plan.local.iter().flatten().copied().collect();
-        let most: Vec<f64> = lights
+        report.positions_read += rows * pixels;
+        let most: Vec<f64> = self
+            .plan
+            .local
             .iter()
+            .flatten()
             .map(|&light| {
                 let light = &self.scene.lights[light];
                 let color = (0..3).map(|c| self.largest[c] * f64::from(light.color[c])).fold(0.0, f64::max);
@@ -285,48 +316,59 @@ impl<'a> Worker<'a> {
         for (report, skipped) in report.local.iter_mut().zip(&skipped) {
             *if *skipped { &mut report.skipped } else { &mut report.evaluated } += 1;
         }
-        if skipped.iter().all(|skipped| *skipped) {
-            return;
-        }
-        for row in 0..tile.rows {
-            let first = (tile.first_row + row) * width + tile.column;
-            space.positions.load(map, first, tile.pixels);
-            for (plane, values) in self.maps.planes.iter().zip(space.planes.chunks_exact_mut(TILE_WIDTH)) {
-                plane.coefficients(first, &mut values[..tile.pixels]);
+        skipped
+    }
+
+    /// Draws tiles that lie side by side in the row of pixels that begins at `first`.
+    fn strip(
+        &self,
+        map: &PositionMap,
+        first: usize,
+        tiles: &[Tile],
+        space: &mut Workspace,
+        out: &mut [f32],
+        report: &mut Report,
+    ) {
+        let (level, channels) = (self.settings.level, self.plan.channels);
+        let (start, pixels) = (first + tiles[0].column, out.len() / channels);
+        let clock = self.clock();
+        let sums = &mut space.sums[..out.len()];
+        sums.fill(0.0);
+        self.uniform(start, sums);
+        report.uniform_seconds += seconds(clock);
+        if tiles.iter().any(|tile| tile.lit) {
+            // Along the whole strip, which the processor sees coming; tiles apart it would not.
+            for (plane, values) in self.maps.planes.iter().zip(space.planes.chunks_exact_mut(STRIP)) {
+                coefficients(level, plane, start, &mut values[..pixels]);
             }
-            let start = (row * width + tile.column) * self.plan.channels;
-            let out = &mut out[start..start + tile.pixels * self.plan.channels];
+        }
+        for tile in tiles.iter().filter(|tile| tile.lit) {
+            space.positions.load(map, first + tile.column, tile.pixels);
+            let place = Place { offset: first + tile.column - start, pixels: tile.pixels, stride: pixels };
             let mut number = 0;
             for group in &self.plan.local {
                 let numbers = number..number + group.len();
-                self.group(
-                    group,
-                    &skipped[numbers.clone()],
-                    tile.pixels,
-                    space,
-                    out,
-                    &mut report.local[numbers.clone()],
-                    &mut report.at_surface,
-                );
+                let skipped = &tile.skipped[numbers.clone()];
+                let reports = &mut report.local[numbers.clone()];
+                self.group(group, skipped, place, space, reports, &mut report.at_surface);
                 number = numbers.end;
             }
         }
+        level.run(Interleave { sums: &space.sums[..out.len()], out, channels });
     }
 
     /// Adds the lights of one colour to a row of a tile.
-    #[expect(clippy::too_many_arguments, reason = "a row's state, borrowed apart")]
     fn group(
         &self,
         group: &[usize],
         skipped: &[bool],
-        pixels: usize,
-        space: &mut Space1,
-        out: &mut [f32],
+        place: Place,
+        space: &mut Workspace,
         reports: &mut [LightReport],
         at_surface: &mut usize,
     ) {
         let Some(evaluator) = &self.evaluator else { return };
-        let count = evaluator.count();
+        let (count, pixels) = (evaluator.count(), place.pixels);
         let level = self.settings.level;
         let adds_up = self.maps.model.space == Space::Linear;
         let mut waiting = false;
@@ -354,58 +396,75 @@ impl<'a> Worker<'a> {
                     });
                     waiting = true;
                 } else {
-                    let Space1 { functions, planes, sum, light: row, .. } = space;
+                    let Workspace { functions, planes, sum, light: row, sums, .. } = space;
                     let strength = Some(Strength { row: &row.strength, gobo: row.gobo.as_ref() });
-                    self.add_sums(
-                        &functions[..count * pixels],
-                        planes,
-                        &mut sum[..pixels],
-                        color,
-                        strength,
-                        out,
-                    );
+                    let weights = &functions[..count * pixels];
+                    self.add_sums(place, weights, planes, &mut sum[..pixels], color, strength, sums);
                 }
             }
             report.seconds += seconds(start);
         }
         if waiting {
-            let Space1 { weights, planes, sum, .. } = space;
-            self.add_sums(&weights[..count * pixels], planes, &mut sum[..pixels], color, None, out);
+            let Workspace { weights, planes, sum, sums, .. } = space;
+            let weights = &weights[..count * pixels];
+            self.add_sums(place, weights, planes, &mut sum[..pixels], color, None, sums);
         }
     }
 
-    /// Adds, by channel, color x the sum over functions of weight x coefficient to a row.
+    /// Adds, by channel, color x the sum over functions of weight x coefficient to a strip's sums.
+    #[expect(clippy::too_many_arguments, reason = "a strip's state, borrowed apart")]
     fn add_sums(
         &self,
+        place: Place,
         weights: &[f32],
         planes: &[f32],
         sum: &mut [f32],
         color: [f32; 3],
         strength: Option<Strength<'_>>,
-        out: &mut [f32],
+        sums: &mut [f32],
     ) {
-        let (level, channels) = (self.settings.level, self.plan.channels);
+        let Place { offset, pixels, stride } = place;
+        let level = self.settings.level;
         let shared = self.maps.model.layout != Layout::Rgb;
-        for c in 0..channels {
+        for (c, total) in sums.chunks_exact_mut(stride).take(self.plan.channels).enumerate() {
+            let total = &mut total[offset..offset + pixels];
             let channel = &self.channels[c.min(self.channels.len() - 1)];
             if c == 0 || !shared {
-                level.run(Products { weights, planes, channel, sum });
+                level.run(Products { weights, planes: &planes[offset..], channel, sum });
             }
-            let factor = channel.factor.map(|plane| &planes[plane * TILE_WIDTH..][..sum.len()]);
-            let decode = self.maps.model.space == Space::Encoded;
-            let strength = strength.as_ref().map(|s| (s.row, s.gobo.map(|gobo| &gobo[c][..])));
-            let add = AddChannel { sum, factor, decode, strength, color: color[c], channel: c };
-            level.run(Interleave { add, out, channels });
+            level.run(AddChannel {
+                sum,
+                factor: channel.factor.map(|plane| &planes[plane * STRIP + offset..][..pixels]),
+                decode: self.maps.model.space == Space::Encoded,
+                strength: strength.as_ref().map(|s| (s.row, s.gobo.map(|gobo| &gobo[c][..]))),
+                color: color[c],
+                total,
+            });
         }
     }
 }
 
-#[derive(Clone, Copy)]
+fn negative_samples(samples: &[f32]) -> usize {
+    samples.iter().filter(|sample| **sample < 0.0).count()
+}
+
+/// Some columns of a band.
 struct Tile {
-    first_row: usize,
-    rows: usize,
     column: usize,
     pixels: usize,
+    /// Of the local lights, in order of the plan's groups.
+    skipped: Vec<bool>,
+    /// Whether one is not.
+    lit: bool,
+}
+
+/// Where a tile lies in its strip.
+#[derive(Clone, Copy)]
+struct Place {
+    offset: usize,
+    pixels: usize,
+    /// Pixels of the strip.
+    stride: usize,
 }
 
 struct Strength<'a> {
@@ -457,7 +516,7 @@ impl Vectorized for Gather<'_> {
 struct Products<'a, 'b> {
     /// By function.
     weights: &'a [f32],
-    /// By plane, rows of [`TILE_WIDTH`].
+    /// By plane, rows of [`STRIP`].
     planes: &'a [f32],
     channel: &'a Channel<'b>,
     sum: &'a mut [f32],
@@ -476,7 +535,7 @@ impl Vectorized for Products<'_, '_> {
             let mut sums = [0.0f32; LANES];
             for ((_, function), plane) in terms() {
                 let weights = &self.weights[function * n + first..][..LANES];
-                let coefficients = &self.planes[plane * TILE_WIDTH + first..][..LANES];
+                let coefficients = &self.planes[plane * STRIP + first..][..LANES];
                 for i in 0..LANES {
                     sums[i] += weights[i] * coefficients[i];
                 }
@@ -485,13 +544,13 @@ impl Vectorized for Products<'_, '_> {
         }
         for i in whole..n {
             self.sum[i] = terms().fold(0.0, |sum, ((_, function), plane)| {
-                sum + self.weights[function * n + i] * self.planes[plane * TILE_WIDTH + i]
+                sum + self.weights[function * n + i] * self.planes[plane * STRIP + i]
             });
         }
     }
 }
 
-/// A channel of a pass on its way into the picture.
+/// A channel of a light on its way into the sum.
 struct AddChannel<'a> {
     sum: &'a [f32],
     /// Base colour.
@@ -501,11 +560,40 @@ struct AddChannel<'a> {
     /// Strength of the light at each pixel, and of a picture in its way.
     strength: Option<(&'a [f32], Option<&'a [f32]>)>,
     color: f32,
-    channel: usize,
+    total: &'a mut [f32],
 }
 
+impl Vectorized for AddChannel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        const LANES: usize = 32;
+        let Self { sum, factor, decode, strength, color, total } = self;
+        for (first, total) in (0..).step_by(LANES).zip(total.chunks_mut(LANES)) {
+            let lanes = first..first + total.len();
+            let mut values = [0.0f32; LANES];
+            values[..total.len()].copy_from_slice(&sum[lanes.clone()]);
+            if let Some(factor) = factor {
+                values.iter_mut().zip(&factor[lanes.clone()]).for_each(|(value, factor)| *value *= factor);
+            }
+            if decode {
+                values.iter_mut().for_each(|value| *value = linear_from_srgb(*value));
+            }
+            if let Some((strength, gobo)) = strength {
+                values.iter_mut().zip(&strength[lanes.clone()]).for_each(|(value, s)| *value *= s);
+                if let Some(gobo) = gobo {
+                    values.iter_mut().zip(&gobo[lanes]).for_each(|(value, g)| *value *= g);
+                }
+            }
+            total.iter_mut().zip(&values).for_each(|(total, value)| *total += color * value);
+        }
+    }
+}
+
+/// Channels one after another to channels side by side.
 struct Interleave<'a> {
-    add: AddChannel<'a>,
+    sums: &'a [f32],
     out: &'a mut [f32],
     channels: usize,
 }
@@ -515,33 +603,15 @@ impl Vectorized for Interleave<'_> {
 
     #[inline(always)]
     fn run(self) {
-        /// Pixels whose values are in registers before they are interleaved.
-        const LANES: usize = 32;
-        let AddChannel { sum, factor, decode, strength, color, channel } = self.add;
-        let n = sum.len();
-        for first in (0..n).step_by(LANES) {
-            let lanes = LANES.min(n - first);
-            let mut values = [0.0f32; LANES];
-            values[..lanes].copy_from_slice(&sum[first..first + lanes]);
-            if let Some(factor) = factor {
-                values
-                    .iter_mut()
-                    .zip(&factor[first..first + lanes])
-                    .for_each(|(value, factor)| *value *= factor);
-            }
-            if decode {
-                values.iter_mut().for_each(|value| *value = linear_from_srgb(*value));
-            }
-            if let Some((strength, gobo)) = strength {
-                values.iter_mut().zip(&strength[first..first + lanes]).for_each(|(value, s)| *value *= s);
-                if let Some(gobo) = gobo {
-                    values.iter_mut().zip(&gobo[first..first + lanes]).for_each(|(value, g)| *value *= g);
-                }
-            }
-            let out = &mut self.out[first * self.channels..(first + lanes) * self.channels];
-            for (pixel, value) in out.chunks_exact_mut(self.channels).zip(&values) {
-                pixel[channel] += color * value;
-            }
+        let n = self.out.len() / self.channels;
+        if self.channels == 1 {
+            self.out.copy_from_slice(&self.sums[..n]);
+            return;
+        }
+        let (r, rest) = self.sums.split_at(n);
+        let (g, b) = rest.split_at(n);
+        for (((pixel, r), g), b) in self.out.chunks_exact_mut(3).zip(r).zip(g).zip(b) {
+            pixel.copy_from_slice(&[*r, *g, *b]);
         }
     }
 }

@@ -42,6 +42,36 @@ pub(crate) fn weighted_planes(
     }
 }
 
+/// Writes the coefficients of a plane's texels from `first` on to `out`, of 8-bit planes by one
+/// multiplication and one addition each.
+pub(crate) fn coefficients(level: CpuLevel, plane: &RelightingMap, first: usize, out: &mut [f32]) {
+    match &plane.texels {
+        Texels::U8(codes) => {
+            let codes = &codes[first..first + out.len()];
+            level.run(Decode { codes, step: plane.scale / 255.0, bias: plane.bias, out });
+        }
+        Texels::F16(_) | Texels::F32(_) => plane.coefficients(first, out),
+    }
+}
+
+struct Decode<'a> {
+    codes: &'a [u8],
+    step: f32,
+    bias: f32,
+    out: &'a mut [f32],
+}
+
+impl Vectorized for Decode<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (out, code) in self.out.iter_mut().zip(self.codes) {
+            *out = self.step * f32::from(*code) + self.bias;
+        }
+    }
+}
+
 struct WeightedCodes<'a> {
     /// Of each plane, as many as `out` has samples.
     codes: &'a [&'a [u8]],

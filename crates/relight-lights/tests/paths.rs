@@ -105,7 +105,7 @@ fn an_accuracy_is_kept_by_the_path_that_is_taken_for_it() {
         }
     }
     let short = bases().into_iter().map(|basis| Path::of_accuracy(&basis, Accuracy::Coarse));
-    assert!(short.into_iter().any(|path| path == Path::Short), "something is gained");
+    assert!(short.into_iter().any(|path| path == Path::Coarse), "something is gained");
 }
 
 /// MATH.md section 1.2: the nodes that its formula asks for are enough, and a third of them are not.
