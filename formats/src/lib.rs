@@ -11,6 +11,7 @@ pub mod picture;
 mod picture_output;
 mod positioned;
 mod samples;
+mod scene_file;
 mod stack;
 
 pub use asset::{
@@ -25,4 +26,5 @@ pub use machine::{create_folder, machine_memory, place_of, read_text};
 pub use output_file::{OutputFile, write_whole};
 pub use picture::{DecodedPicture, PictureInfo, SampleType, Samples, decode, probe};
 pub use picture_output::{PictureDepth, picture_depths, write_picture};
+pub use scene_file::{SceneFile, linear_picture, read_scene};
 pub use stack::{PictureStack, StackSettings};
