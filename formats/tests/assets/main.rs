@@ -8,5 +8,6 @@ mod ktx2;
 mod lopsided;
 mod mangled;
 mod planar;
+mod positions;
 mod refusals;
 mod round_trips;

@@ -1,8 +1,9 @@
 //! Damaged files are errors or results, within the memory limit.
 
 use crate::lopsided::{LIMIT, PLAIN, SplitMix, lopsided, names_in};
+use crate::positions;
 use relight_core::Layout;
-use relight_formats::asset::{WriteSettings, describe_asset, read_asset, read_packed};
+use relight_formats::asset::{WriteSettings, describe_asset, read_asset, read_packed, read_positions};
 use relight_formats::{FormatError, describe};
 use relight_texture::{BlockFormat, Precision, TexelFormat};
 use std::alloc::{GlobalAlloc, Layout as MemoryLayout, System};
@@ -44,6 +45,12 @@ fn write(path: &Path, kind: &str) {
         "blocks" => (asset.packing(block(BlockFormat::Bc7), 6), PLAIN),
         "zstd" => (asset.packing(block(BlockFormat::Bc5Signed), 6), WriteSettings { zstd: Some(3), ..PLAIN }),
         "several" => (asset.packing_of_several(&[BlockFormat::Bc1, BlockFormat::Bc6h].map(block), 2), PLAIN),
+        "positions" => {
+            let precision = if path.ends_with("a.exr") { Precision::F32 } else { Precision::F16 };
+            let settings = WriteSettings { zstd: path.ends_with("a.ktx2").then_some(3), ..PLAIN };
+            let packing = asset.plain(path, Precision::F16);
+            return positions::write(&asset, path, &packing, &settings, precision).unwrap();
+        }
         other => panic!("{other}"),
     };
     asset.write(path, &packing, &settings, 1).unwrap();
@@ -80,6 +87,9 @@ fn mangled_assets_are_errors_or_results_within_the_memory_limit() {
         ("a.ktx2", "several"),
         ("a.dds", "blocks"),
         ("a.dds", "several"),
+        ("a.exr", "positions"),
+        ("a.ktx2", "positions"),
+        ("a.dds", "positions"),
     ];
     for (name, kind) in kinds {
         let folder = tempfile::tempdir().unwrap();
@@ -97,6 +107,9 @@ fn mangled_assets_are_errors_or_results_within_the_memory_limit() {
                 if let Ok(maps) = read_asset(&path, LIMIT) {
                     results += 1;
                     assert!(maps.planes.iter().all(|plane| plane.texels.len() == maps.width * maps.height));
+                }
+                if let Ok(Some(map)) = read_positions(&path, LIMIT) {
+                    assert_eq!(map.points.len(), map.width * map.height);
                 }
                 if let Ok(packed) = read_packed(&path, LIMIT) {
                     assert_eq!(packed.texels.len(), packed.packing.arrays.len());
