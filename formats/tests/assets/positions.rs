@@ -285,7 +285,7 @@ fn positions_of_another_asset_or_shape_are_refused() {
         ),
         ("\"format\":\"f16\",\"files\"", "\"format\":\"bc7\",\"files\"", "positions of 'bc7' are neither"),
         ("a_positions.ktx2\"]", "../ositions.ktx2\"]", "is not the name of a file"),
-        ("\"bias\":[1.0,100.5,7.125]}", "\"bias\":[1.0,1e050,7.125]}", "not finite"),
+        ("\"bias\":[1.0,100.5,7.125]}", "\"bias\":[1.0,1e050,7.125]}", "number out of range"),
         ("\"bias\":[1.0,100.5,7.125]}", "\"bias\":[1.0,       7.125]}", "damaged"),
     ] {
         replace_in_file(&path, what.as_bytes(), with.as_bytes());
