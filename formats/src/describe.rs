@@ -33,8 +33,8 @@ pub fn describe(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
         Some(Ok(facts)) => return Ok(facts),
         // An OpenEXR file without our attribute is a picture or a position map; every other damaged asset is that.
         Some(Err(error)) => {
-            let facts = probe(path).map(|info| facts_of(&info));
-            return facts.or_else(|_| position_file::describe(path)).map_err(|_| error);
+            let picture = |_| probe(path).map(|info| facts_of(&info));
+            return position_file::describe(path).or_else(picture).map_err(|_| error);
         }
         None => {}
     }

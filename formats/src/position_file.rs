@@ -88,11 +88,12 @@ pub fn read_position_file(path: &Path, memory_limit: u64) -> Result<PositionMap,
     })
 }
 
-/// What [`crate::describe`] says of a file that holds positions and nothing else that is shown.
+/// What [`crate::describe`] says of a file that holds positions and no colours.
 pub(crate) fn describe(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
     guarded(path, || {
         let reader = exr_channels::open(path)?;
-        let wanted = |names: &[String]| lettered(names, "", &["X", "Y", "Z"]);
+        let colored = |names: &[String]| lettered(names, "", &["R", "G", "B"]).is_some();
+        let wanted = |names: &[String]| lettered(names, "", &["X", "Y", "Z"]).filter(|_| !colored(names));
         let chosen = choose(reader.headers(), path, wanted, |found| format!("has no positions but {found}"))?;
         let fact = |name: &str, value: String| (name.to_owned(), value);
         Ok(vec![
