@@ -11,7 +11,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Keys whose values are paths.
-const PATHS: [&str; 3] = ["input", "output", "report"];
+const PATHS: [&str; 6] = ["input", "output", "report", "positions", "depth", "camera"];
 
 /// Keys of which a flag of the user's replaces all others.
 const SIZES: [&str; 3] = ["k", "order", "degree"];

@@ -13,6 +13,7 @@ mod job;
 mod lights;
 mod notes;
 mod options;
+mod positions;
 #[cfg(feature = "gpu")]
 mod preview;
 mod progress;
@@ -52,6 +53,8 @@ enum Command {
     /// Show an asset in a window; dragging moves the light
     #[cfg(feature = "gpu")]
     Preview(preview::PreviewArguments),
+    /// Compute the position of every pixel from a depth map and its camera
+    Positions(positions::PositionsArguments),
     /// Say what is in a file that relight reads or writes
     Info(info::InfoArguments),
 }
@@ -78,6 +81,7 @@ fn main() -> ExitCode {
         Command::Verify(arguments) => verify::run(&arguments),
         #[cfg(feature = "gpu")]
         Command::Preview(arguments) => preview::run(&arguments),
+        Command::Positions(arguments) => positions::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
     });
     match result.map(|result| result.and_then(|()| say::finish())) {

@@ -7,8 +7,8 @@ mod scene;
 use scene::relight;
 use std::path::Path;
 
-const SUBCOMMANDS: [&str; 8] =
-    ["bake", "render", "evaluate", "lights", "shader", "info", "verify", "preview"];
+const SUBCOMMANDS: [&str; 9] =
+    ["bake", "render", "evaluate", "lights", "shader", "positions", "info", "verify", "preview"];
 
 #[test]
 fn help_names_every_subcommand_and_exit_code() {
@@ -29,6 +29,7 @@ fn every_subcommand_explains_its_options() {
         ("render", &["--light <X,Y,Z[,R,G,B]>", "--angles", "--lights <FILE.lp>", "--depth"]),
         ("evaluate", &["<ASSET>", "<SET>", "--json", "--heatmap"]),
         ("lights", &["<SET>", "--plot"]),
+        ("positions", &["--depth <FILE>", "--camera <FILE>", "--depth-kind", "--depth-channel", "--output"]),
         ("info", &["<FILE>", "--json"]),
         ("shader", &["<ASSET>", "--lang", "--output", "--maps-per-pass"]),
         ("verify", &["<ASSET>", "--lights", "--tolerance", "--against", "--require-gpu"]),

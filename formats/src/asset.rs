@@ -10,6 +10,7 @@ mod exr_reader;
 mod ktx2;
 mod ktx2_reader;
 mod planar;
+mod positions;
 mod ptm;
 mod ptm_reader;
 mod summary;
@@ -19,10 +20,11 @@ mod textures_reader;
 mod unpack;
 mod zstandard;
 
+pub use positions::AssetPositions;
 pub use summary::{AssetSummary, describe_asset, summarize_asset};
 
 use crate::FormatError;
-use relight_core::{CoefficientSpan, Layout, Model, RelightingMaps};
+use relight_core::{CoefficientSpan, Layout, Model, PositionMap, RelightingMaps};
 use relight_texture::{
     Coding, PackReport, PackedMaps, Packing, Precision, Quantizer, TexelDomain, TexelFormat, full_levels,
 };
@@ -111,6 +113,8 @@ pub struct AssetFormat {
     /// Whether it holds textures: blocks, mip levels, several arrays, a file a layer. Otherwise it
     /// holds planes one by one.
     pub textures: bool,
+    /// How it holds positions, the default first; nothing where it holds none.
+    pub positions: &'static [Precision],
     /// Whether its textures can be compressed once more, by Zstandard.
     pub zstd: bool,
     /// Whether it stores a scale and bias for each plane.
@@ -121,11 +125,21 @@ pub struct AssetFormat {
     pub magic: &'static [u8],
     /// Why it can't hold a model whose layout and texels it does hold.
     refusal: fn(&Model) -> Option<String>,
-    create: fn(&Path, AssetHeader, &WriteSettings) -> Created,
-    outputs: fn(&Path, &Packing, bool) -> Result<Vec<PathBuf>, FormatError>,
+    create: fn(&Path, AssetHeader, &WriteSettings, Option<AssetPositions>) -> Created,
+    outputs: fn(&Path, &Packing, Parts) -> Result<Vec<PathBuf>, FormatError>,
     read: fn(&Path, u64) -> Result<RelightingMaps, FormatError>,
     read_packed: fn(&Path, u64) -> Result<PackedMaps, FormatError>,
+    read_positions: fn(&Path, u64) -> Result<Option<PositionMap>, FormatError>,
     summarize: fn(&Path) -> Result<(AssetHeader, Details), FormatError>,
+}
+
+/// Which files an asset has beside its first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Parts {
+    /// Whether every layer is a file of its own rather than every array.
+    pub split: bool,
+    /// Whether there are positions.
+    pub positions: bool,
 }
 
 /// What starting an asset gives.
@@ -140,15 +154,19 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey],
         precisions: &[Precision::U8, Precision::F16, Precision::F32],
         textures: true,
+        positions: &[Precision::F16, Precision::F32],
         zstd: true,
         scaled: true,
         streamed: true,
         magic: Container::Ktx2.magic(),
         refusal: |_| None,
-        create: |path, header, settings| textures::create(Container::Ktx2, path, header, settings),
-        outputs: |path, packing, split| textures::outputs(Container::Ktx2, path, packing, split),
+        create: |path, header, settings, positions| {
+            textures::create(Container::Ktx2, path, header, settings, positions)
+        },
+        outputs: |path, packing, parts| textures::outputs(Container::Ktx2, path, packing, parts),
         read: |path, limit| textures_reader::read(Container::Ktx2, path, limit),
         read_packed: |path, limit| textures_reader::read_packed(Container::Ktx2, path, limit),
+        read_positions: |path, limit| textures_reader::read_positions(Container::Ktx2, path, limit),
         summarize: |path| textures_reader::summarize(Container::Ktx2, path),
     },
     AssetFormat {
@@ -158,15 +176,19 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey],
         precisions: &[Precision::U8, Precision::F16, Precision::F32],
         textures: true,
+        positions: &[Precision::F16, Precision::F32],
         zstd: false,
         scaled: true,
         streamed: true,
         magic: Container::Dds.magic(),
         refusal: |_| None,
-        create: |path, header, settings| textures::create(Container::Dds, path, header, settings),
-        outputs: |path, packing, split| textures::outputs(Container::Dds, path, packing, split),
+        create: |path, header, settings, positions| {
+            textures::create(Container::Dds, path, header, settings, positions)
+        },
+        outputs: |path, packing, parts| textures::outputs(Container::Dds, path, packing, parts),
         read: |path, limit| textures_reader::read(Container::Dds, path, limit),
         read_packed: |path, limit| textures_reader::read_packed(Container::Dds, path, limit),
+        read_positions: |path, limit| textures_reader::read_positions(Container::Dds, path, limit),
         summarize: |path| textures_reader::summarize(Container::Dds, path),
     },
     AssetFormat {
@@ -176,6 +198,7 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey],
         precisions: &[Precision::F16, Precision::F32],
         textures: false,
+        positions: &[Precision::F32],
         zstd: false,
         scaled: false,
         streamed: false,
@@ -185,6 +208,7 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         outputs: |path, _, _| Ok(vec![path.to_owned()]),
         read: exr_reader::read,
         read_packed: |path, limit| planar::read_packed(path, limit, exr_reader::summarize, exr_reader::read),
+        read_positions: exr_reader::read_positions,
         summarize: exr_reader::summarize,
     },
     AssetFormat {
@@ -194,15 +218,17 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         layouts: &[Layout::Rgb, Layout::Lrgb],
         precisions: &[Precision::U8],
         textures: false,
+        positions: &[],
         zstd: false,
         scaled: true,
         streamed: true,
         magic: b"PTM_1.",
         refusal: ptm::refusal,
-        create: ptm::create,
+        create: |path, header, settings, _| ptm::create(path, header, settings),
         outputs: |path, _, _| Ok(vec![path.to_owned()]),
         read: ptm_reader::read,
         read_packed: |path, limit| planar::read_packed(path, limit, ptm_reader::summarize, ptm_reader::read),
+        read_positions: |_, _| Ok(None),
         summarize: ptm_reader::summarize,
     },
 ];
@@ -305,29 +331,47 @@ impl AssetFormat {
     }
 
     /// All files that an asset at `path` will have: `path` first, then further textures
-    /// `stem_1.ktx2`, `stem_2.ktx2` .. and the manifest `stem.json` where there are such. What
-    /// stands at `path` is always replaced; at the other names, only files of an asset are.
+    /// `stem_1.ktx2`, `stem_2.ktx2` .., `stem_positions.ktx2` and the manifest `stem.json` where there
+    /// are such. What stands at `path` is always replaced; at the other names, only files of an asset are.
     ///
     /// # Errors
     /// [`FormatError::Invalid`] naming a file that would be replaced and is none of an asset.
-    pub fn outputs(&self, path: &Path, packing: &Packing, split: bool) -> Result<Vec<PathBuf>, FormatError> {
-        (self.outputs)(path, packing, split)
+    pub fn outputs(&self, path: &Path, packing: &Packing, parts: Parts) -> Result<Vec<PathBuf>, FormatError> {
+        (self.outputs)(path, packing, parts)
     }
 
-    /// Starts an asset at `path`.
+    /// Starts an asset at `path`, without positions.
     ///
     /// # Errors
-    /// Those of [`Self::check`] and [`Self::outputs`]; [`FormatError::Io`];
-    /// [`FormatError::TooLarge`] where the map must be held in memory and can't;
-    /// [`FormatError::Invalid`] for a plane whose scale or bias is not finite.
+    /// As of [`Self::create_with_positions`].
     ///
     /// # Panics
-    /// When the packing does not hold every plane of the model once, or an array without planes.
+    /// As there.
     pub fn create(
         &self,
         path: &Path,
         header: AssetHeader,
         settings: &WriteSettings,
+    ) -> Result<Box<dyn AssetWriter>, FormatError> {
+        self.create_with_positions(path, header, settings, None)
+    }
+
+    /// Starts an asset at `path`, with the positions of its pixels where some are given.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`], [`Self::check_positions`] and [`Self::outputs`]; [`FormatError::Io`];
+    /// [`FormatError::TooLarge`] where the map must be held in memory and can't;
+    /// [`FormatError::Invalid`] for a plane whose scale or bias is not finite and for positions of
+    /// another size.
+    ///
+    /// # Panics
+    /// When the packing does not hold every plane of the model once, or an array without planes.
+    pub fn create_with_positions(
+        &self,
+        path: &Path,
+        header: AssetHeader,
+        settings: &WriteSettings,
+        positions: Option<AssetPositions>,
     ) -> Result<Box<dyn AssetWriter>, FormatError> {
         let formats: Vec<_> = header.packing.formats().collect();
         let AssetHeader { width, height, ref model, ref packing } = header;
@@ -336,7 +380,10 @@ impl AssetFormat {
             &AssetPlan { width, height, model, formats: &formats, levels: packing.levels },
             settings,
         )?;
-        (self.create)(path, header, settings)
+        if let Some(positions) = &positions {
+            self.check_map(path, (width, height), positions)?;
+        }
+        (self.create)(path, header, settings, positions)
     }
 }
 
@@ -361,6 +408,17 @@ pub fn read_asset(path: &Path, memory_limit: u64) -> Result<RelightingMaps, Form
 /// As of [`read_asset`].
 pub fn read_packed(path: &Path, memory_limit: u64) -> Result<PackedMaps, FormatError> {
     (format_of(path)?.read_packed)(path, memory_limit)
+}
+
+/// Reads the positions of an asset, `None` where it has none. Nothing else reads them: an asset's
+/// planes are read without.
+///
+/// The points take at most `memory_limit` bytes, with working space of some MiB beside them.
+///
+/// # Errors
+/// As of [`read_asset`].
+pub fn read_positions(path: &Path, memory_limit: u64) -> Result<Option<PositionMap>, FormatError> {
+    (format_of(path)?.read_positions)(path, memory_limit)
 }
 
 /// Whether a file that begins with `start` may be an asset or its manifest.

@@ -4,10 +4,11 @@ use crate::FormatError;
 use crate::asset::{describe_asset, is_asset};
 use crate::light_file::read_light_file;
 use crate::picture::probe;
+use crate::position_file;
 use std::io::Read;
 use std::path::Path;
 
-/// Facts about an asset, a picture or a light file, recognised by its content (light files by
+/// Facts about an asset, a picture, a position map or a light file, recognised by its content (light files by
 /// their extension).
 ///
 /// # Errors
@@ -30,8 +31,11 @@ pub fn describe(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
     let as_asset = if is_asset(&magic) { Some(describe_asset(path)) } else { None };
     match as_asset {
         Some(Ok(facts)) => return Ok(facts),
-        // An OpenEXR file without our attribute is a picture; every other damaged asset is that.
-        Some(Err(error)) => return probe(path).map(|info| facts_of(&info)).map_err(|_| error),
+        // An OpenEXR file without our attribute is a picture or a position map; every other damaged asset is that.
+        Some(Err(error)) => {
+            let picture = |_| probe(path).map(|info| facts_of(&info));
+            return position_file::describe(path).or_else(picture).map_err(|_| error);
+        }
         None => {}
     }
     Ok(facts_of(&probe(path)?))

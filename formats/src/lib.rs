@@ -1,24 +1,30 @@
 //! The only code that knows the bytes of files: pictures and light files in, assets out and in.
 
 pub mod asset;
+mod camera_file;
 mod capture_folder;
+mod depth_file;
 mod describe;
 mod error;
+mod exr_channels;
 pub mod light_file;
 mod machine;
 mod output_file;
 pub mod picture;
 mod picture_output;
+mod position_file;
 mod positioned;
 mod samples;
 mod scene_file;
 mod stack;
 
 pub use asset::{
-    AssetFormat, AssetHeader, AssetPlan, AssetWriter, WriteSettings, describe_asset, plane_names, read_asset,
-    read_packed, summarize_asset,
+    AssetFormat, AssetHeader, AssetPlan, AssetPositions, AssetWriter, Parts, WriteSettings, describe_asset,
+    plane_names, read_asset, read_packed, read_positions, summarize_asset,
 };
+pub use camera_file::read_camera_file;
 pub use capture_folder::{OpenCapture, open_capture};
+pub use depth_file::read_depth_file;
 pub use describe::describe;
 pub use error::FormatError;
 pub use light_file::{Capture, LightFile, light_file_in, match_pictures, read_light_file, unmatched};
@@ -26,5 +32,6 @@ pub use machine::{create_folder, machine_memory, place_of, read_text};
 pub use output_file::{OutputFile, write_whole};
 pub use picture::{DecodedPicture, PictureInfo, SampleType, Samples, decode, probe};
 pub use picture_output::{PictureDepth, picture_depths, write_picture};
+pub use position_file::{read_position_file, write_position_file};
 pub use scene_file::{SceneFile, linear_picture, read_scene};
 pub use stack::{PictureStack, StackSettings};

@@ -41,7 +41,7 @@ pub fn read_text(path: &Path) -> Result<String, FormatError> {
     let mut bytes = Vec::new();
     file.take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > limit {
-        return Err(FormatError::invalid(path, "is larger than 1 MiB, so hardly a file of settings"));
+        return Err(FormatError::invalid(path, "is larger than 1 MiB, so hardly a job or camera file"));
     }
     String::from_utf8(bytes).map_err(|_| FormatError::invalid(path, "is not UTF-8 text; save it as UTF-8"))
 }

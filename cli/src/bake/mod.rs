@@ -1,6 +1,7 @@
 //! `relight bake`: pictures in, asset out.
 
 mod fit;
+mod positions;
 mod report;
 mod textures;
 
@@ -15,7 +16,8 @@ use relight_fit::{
     LightWeights, Ridge, Sample, coefficient_distributions, coefficient_sample, for_each_span, span_bytes,
 };
 use relight_formats::{
-    AssetFormat, AssetHeader, AssetPlan, OpenCapture, PictureStack, StackSettings, open_capture, place_of,
+    AssetFormat, AssetHeader, AssetPlan, AssetPositions, OpenCapture, Parts, PictureStack, StackSettings,
+    open_capture, place_of,
 };
 use relight_texture::{Precision, needs_rows, span_pixels, working_bytes};
 use std::path::{Path, PathBuf};
@@ -58,6 +60,8 @@ pub(crate) struct BakeArguments {
     precision: Option<PrecisionChoice>,
     #[command(flatten)]
     textures: textures::TextureOptions,
+    #[command(flatten)]
+    positions: positions::PositionOptions,
     /// Pictures to leave out and judge by: every:N, random:N, random:N:SEED or FILE.lp
     #[arg(long, value_name = "WHICH")]
     holdout: Option<Holdout>,
@@ -177,8 +181,9 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let (fitted, left_out) = split(&all, arguments.holdout.as_ref())?;
     let judges =
         left_out.iter().flat_map(|judge| judge.capture.pictures.iter().chain([&judge.capture.light_file]));
+    let positions = arguments.positions.files();
     let inputs: Vec<&PathBuf> =
-        all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges).collect();
+        all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges).chain(positions).collect();
     check_apart(std::iter::once(&arguments.output).chain(&arguments.report), inputs.iter().copied())?;
     let space = arguments.space(&all);
     let choice = fit::choose_basis(arguments, &fitted)?;
@@ -196,11 +201,20 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let plan = AssetPlan { width, height, model: &model, formats: &formats, levels };
     format.check(&arguments.output, &plan, &settings).map_err(Failure::of_output)?;
 
+    let precision = arguments.positions.precision(format, &arguments.output)?;
+    let positions = match precision {
+        Some(precision) => stages
+            .time("positions", || arguments.positions.read((width, height), machine.memory))?
+            .map(|map| AssetPositions { map, precision }),
+        None => None,
+    };
+    let position_bytes = positions.as_ref().map_or(0, |positions| size_of_val(&positions.map.points[..]));
+
     let span = span_pixels(width, needs_rows(formats.iter().copied(), levels));
     let working = working_bytes(formats.iter().copied(), model.plane_count(), span);
     let spans =
         machine.threads as u64 * (span_bytes(fitted.infos.len(), choice.basis.count(), span) + working);
-    let kept_back = format.held_bytes(&plan).saturating_add(spans);
+    let kept_back = format.held_bytes(&plan).saturating_add(spans).saturating_add(position_bytes as u64);
     let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &arguments.output))?;
     let mut fit = stages.time("solve", || -> Result<_, Failure> {
         let sample = Sample::of(&stack).map_err(relight_fit::FitError::from)?;
@@ -238,10 +252,12 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     })?;
     fit.notes.extend(textures::size_note(&plan.packing, width, height));
     let header = AssetHeader { width, height, model: model.clone(), packing: plan.packing.clone() };
-    let outputs =
-        format.outputs(&arguments.output, &plan.packing, settings.split).map_err(Failure::of_output)?;
+    let position_facts = positions.as_ref().map(positions::PositionFacts::of);
+    fit.notes.extend(position_facts.as_ref().and_then(|facts| facts.note.clone()));
+    let parts = Parts { split: settings.split, positions: positions.is_some() };
+    let outputs = format.outputs(&arguments.output, &plan.packing, parts).map_err(Failure::of_output)?;
     check_apart(outputs.iter().chain(&arguments.report), inputs.iter().copied())?;
-    let writer = format.create(&arguments.output, header, &settings)?;
+    let writer = format.create_with_positions(&arguments.output, header, &settings, positions)?;
     let bar = progress::bar("fitting", stack.pixels());
     let packed = stages.time("fit and write", || -> Result<_, Failure> {
         for_each_span::<Failure>(&stack, &fit.least_squares, layout, machine.level, span, |span| {
@@ -272,6 +288,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         model: &model,
         plan: &plan,
         packed: &packed,
+        positions: position_facts.as_ref(),
     };
     summary.print(&arguments.output);
     if let Some(path) = &arguments.report {

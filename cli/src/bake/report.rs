@@ -2,6 +2,7 @@
 
 use super::Stages;
 use super::fit::BakeFit;
+use super::positions::PositionFacts;
 use super::textures::Plan;
 use crate::evaluate::Evaluation;
 use crate::notes;
@@ -24,6 +25,8 @@ pub(super) struct Summary<'a> {
     pub(super) model: &'a Model,
     pub(super) plan: &'a Plan,
     pub(super) packed: &'a PackReport,
+    /// What is known of the positions, where some are stored.
+    pub(super) positions: Option<&'a PositionFacts>,
 }
 
 /// What storing a plane cost.
@@ -57,6 +60,9 @@ impl Summary<'_> {
             fit.figures.leave_one_out_rmse,
             self.packed.relit_rmse,
         );
+        if let Some(positions) = self.positions {
+            say!("{}", positions.words);
+        }
         if let Some(judged) = self.judged {
             say!("held out, {} pictures: {}", judged.pictures.len(), judged.mean_words());
         }
@@ -147,6 +153,7 @@ impl Summary<'_> {
             "functions": fit.basis.count(),
             "precision": self.format_names(),
             "storing": self.storing(),
+            "positions": self.positions.map(|positions| &positions.json),
             "ridge": fit.ridge,
             "rank": decomposition.rank(),
             "condition": finite(decomposition.condition()),

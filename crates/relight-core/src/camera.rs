@@ -113,9 +113,25 @@ impl Camera {
     /// finite, and where eye, target and up span no view.
     pub fn new(
         projection: Projection,
-        (width, height): (usize, usize),
+        size: (usize, usize),
         eye: [f64; 3],
         target: [f64; 3],
+        up: [f64; 3],
+    ) -> Result<Self, CameraError> {
+        check_coordinates(eye.into_iter().chain(target))?;
+        Self::along(projection, size, eye, [0, 1, 2].map(|i| target[i] - eye[i]), up)
+    }
+
+    /// A camera at `eye` that looks along `forward`, of any length, its pictures' top as near to `up` as
+    /// may be.
+    ///
+    /// # Errors
+    /// As of [`Self::new`].
+    pub fn along(
+        projection: Projection,
+        (width, height): (usize, usize),
+        eye: [f64; 3],
+        forward: [f64; 3],
         up: [f64; 3],
     ) -> Result<Self, CameraError> {
         let (name, value, allowed, inside) = match projection {
@@ -141,18 +157,9 @@ impl Camera {
                 return Err(CameraError::OutOfRange { name, value: 0.0, allowed: "at least 1" });
             }
         }
-        for value in eye.into_iter().chain(target).chain(up) {
-            if !value.is_finite() {
-                return Err(CameraError::OutOfRange {
-                    name: "a coordinate",
-                    value,
-                    allowed: "finite numbers",
-                });
-            }
-        }
-        let toward = [0, 1, 2].map(|i| target[i] - eye[i]);
-        let no_view = CameraError::NoView { forward: toward, up };
-        let forward = unit(toward).ok_or_else(|| no_view.clone())?;
+        check_coordinates(eye.into_iter().chain(forward).chain(up))?;
+        let no_view = CameraError::NoView { forward, up };
+        let forward = unit(forward).ok_or_else(|| no_view.clone())?;
         let upward = unit(up).ok_or_else(|| no_view.clone())?;
         let across = cross(forward, upward);
         if dot(across, across) < 1e-12 {
@@ -218,6 +225,15 @@ impl Camera {
 
     fn combine(&self, right: f64, up: f64, forward: f64) -> [f64; 3] {
         [0, 1, 2].map(|i| right * self.right[i] + up * self.up[i] + forward * self.forward[i])
+    }
+}
+
+fn check_coordinates(mut values: impl Iterator<Item = f64>) -> Result<(), CameraError> {
+    match values.find(|value| !value.is_finite()) {
+        Some(value) => {
+            Err(CameraError::OutOfRange { name: "a coordinate", value, allowed: "finite numbers" })
+        }
+        None => Ok(()),
     }
 }
 

@@ -36,7 +36,7 @@ pub use distribution::{Bucket, CoefficientDistribution, CoefficientSample};
 pub use light_set::{Light, LightSet};
 pub use maps::{CoefficientMap, CoefficientRange, CoefficientSpan, RelightingMap, RelightingMaps, Texels};
 pub use model::{FitFigures, Layout, Model, PlaneRole, Space};
-pub use position_map::{NO_SURFACE, PositionMap, SKY};
+pub use position_map::{DepthError, DepthKind, DepthMap, NO_SURFACE, PointKind, PositionMap, SKY};
 pub use stack::{Stack, StackError, StackRows};
 pub use transfer::{LUMINANCE, linear_from_srgb, luminance, srgb_from_linear};
 pub use unit_values::unit_values_from_codes;

@@ -9,6 +9,7 @@ mod feedback;
 pub mod mips;
 mod pack;
 mod packing;
+mod positions;
 mod quantize;
 mod range;
 mod storing;
@@ -22,6 +23,7 @@ pub use packing::{
     ArrayPlan, LayerPlan, PackedMaps, Packing, TexelDomain, TexelFormat, Wrap, full_levels, level_size,
     needs_rows, planes_of_layers,
 };
+pub use positions::PositionPlan;
 pub use quantize::{Precision, Quantizer};
 pub use range::{NotFinite, RangeChoice, RangeRule, choose_range};
 pub use storing::{PackReport, PlaneErrors, StoringErrors};

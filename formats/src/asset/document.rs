@@ -4,7 +4,7 @@
 
 use crate::FormatError;
 use relight_core::{Basis, Direction, FitFigures, Layout, Model, Space};
-use relight_texture::{ArrayPlan, Quantizer, Wrap};
+use relight_texture::{ArrayPlan, PositionPlan, Precision, Quantizer, Wrap};
 use serde::{Deserialize, Serialize};
 use std::path::{Component, Path};
 
@@ -42,6 +42,19 @@ pub(super) struct Array {
     pub(super) layers: Vec<Layer>,
 }
 
+/// Where positions lie, and how texels become points: position = scale x texel + bias.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Positions {
+    /// Name of the texel format: f16 or f32, four channels.
+    pub(super) format: String,
+    /// The name of one file in the folder of the document's own.
+    pub(super) files: Vec<String>,
+    /// By axis.
+    pub(super) scale: [f32; 3],
+    /// By axis.
+    pub(super) bias: [f32; 3],
+}
+
 /// What the documents of textures say beyond the model.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Textures {
@@ -53,6 +66,8 @@ pub(super) struct Textures {
     pub(super) levels: Option<usize>,
     /// At least one.
     pub(super) arrays: Vec<Array>,
+    /// Where there are positions.
+    pub(super) positions: Option<(PositionPlan, String)>,
 }
 
 /// What a document is about.
@@ -99,6 +114,8 @@ struct AssetRecord {
     levels: Option<usize>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     arrays: Option<Vec<Array>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    positions: Option<Positions>,
     /// Version 1 had one array of the format of its file.
     #[serde(default, skip_serializing)]
     layers: Option<Vec<Layer>>,
@@ -160,6 +177,12 @@ pub(super) fn array_of(plan: &ArrayPlan, files: Vec<String>) -> Array {
     Array { format: plan.format.name().to_owned(), files, layers }
 }
 
+/// The record of positions as a document has it.
+pub(super) fn positions_of(plan: &PositionPlan, file: String) -> Positions {
+    let PositionPlan { precision, scale, bias } = *plan;
+    Positions { format: precision.name().to_owned(), files: vec![file], scale, bias }
+}
+
 /// The document of `model` and of its textures, the same for the same. An id is given where the
 /// arrays name files.
 ///
@@ -169,6 +192,7 @@ pub(super) fn text_of(
     path: &Path,
     model: &Model,
     textures: Option<(Wrap, usize, Vec<Array>)>,
+    positions: Option<Positions>,
 ) -> Result<Text, FormatError> {
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     let named =
@@ -191,6 +215,7 @@ pub(super) fn text_of(
         wrap,
         levels,
         arrays,
+        positions,
         layers: None,
     };
     let mut line = serde_json::to_string(&record).map_err(|e| unwritable(path, &e))?;
@@ -257,18 +282,20 @@ pub(super) fn parse(path: &Path, text: &[u8]) -> Result<Document, FormatError> {
     let Some(arrays) = record.arrays.or(record.layers.map(only)) else {
         return Ok(Document::Asset(Box::new(model), None));
     };
+    let positions = record.positions.map(plan_of_positions).transpose().map_err(damaged)?;
     check_arrays(&arrays, model.plane_count()).map_err(damaged)?;
+    check_files(&arrays, positions.as_ref().map(|(_, file)| file.as_str())).map_err(damaged)?;
     let textures = Textures {
         id: record.id.as_deref().map(id_of).transpose()?,
         wrap: record.wrap.map_or(Wrap::Clamp, wrap_of),
         levels: record.levels,
         arrays,
+        positions,
     };
     Ok(Document::Asset(Box::new(model), Some(textures)))
 }
 
-/// Every plane once, a finite scale and bias each, and files that lie in the document's folder,
-/// each named once.
+/// Every plane once, a finite scale and bias each.
 fn check_arrays(arrays: &[Array], planes: usize) -> Result<(), String> {
     let mut seen = vec![false; planes];
     for (index, layer) in arrays.iter().flat_map(|array| &array.layers).enumerate() {
@@ -289,7 +316,13 @@ fn check_arrays(arrays: &[Array], planes: usize) -> Result<(), String> {
     if seen.contains(&false) || arrays.iter().any(|array| array.layers.is_empty()) {
         return Err("its layers do not list every plane".to_owned());
     }
-    let mut names: Vec<&str> = arrays.iter().flat_map(|array| &array.files).map(String::as_str).collect();
+    Ok(())
+}
+
+/// Files that lie in the document's folder, each named once.
+fn check_files(arrays: &[Array], positions: Option<&str>) -> Result<(), String> {
+    let mut names: Vec<&str> =
+        arrays.iter().flat_map(|array| &array.files).map(String::as_str).chain(positions).collect();
     if let Some(name) = names.iter().find(|name| !is_file_name(name)) {
         return Err(format!("'{}' is not the name of a file in its folder", name.escape_default()));
     }
@@ -304,6 +337,22 @@ fn check_arrays(arrays: &[Array], planes: usize) -> Result<(), String> {
     match names.windows(2).find(|pair| pair[0] == pair[1]) {
         Some(pair) => Err(format!("it names file {} twice", pair[0])),
         None => Ok(()),
+    }
+}
+
+/// How positions lie, and in which file.
+fn plan_of_positions(positions: Positions) -> Result<(PositionPlan, String), String> {
+    let Positions { format, files, scale, bias } = positions;
+    let precision = [Precision::F16, Precision::F32].into_iter().find(|precision| precision.name() == format);
+    let Some(precision) = precision else {
+        return Err(format!("positions of '{}' are neither f16 nor f32", format.escape_default()));
+    };
+    if scale.iter().chain(&bias).any(|value| !value.is_finite()) {
+        return Err("the positions have a scale or bias that is not finite".to_owned());
+    }
+    match <[String; 1]>::try_from(files) {
+        Ok([file]) => Ok((PositionPlan { precision, scale, bias }, file)),
+        Err(files) => Err(format!("the positions name {} files, not one", files.len())),
     }
 }
 

@@ -1,11 +1,15 @@
 //! `.exr`: the writer of OpenEXR files with a layer for each function.
 //!
-//! One part, channels `layer.R`, `layer.G`, `layer.B` or `layer.Y`, ZIP compression. Each block of
+//! One part, channels `layer.R`, `layer.G`, `layer.B` or `layer.Y`, then `position.X`, `position.Y`,
+//! `position.Z` where positions are known, ZIP compression. Each block of
 //! 16 rows is compressed by the thread that completes it; the file is written when all are there.
 
 use super::document;
 use super::planar::precision;
-use super::{AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, plane_bytes, plane_names};
+use super::positions::{POINT, POSITION_CHANNELS};
+use super::{
+    AssetHeader, AssetPositions, AssetWriter, Created, WriteSettings, assert_shape, plane_bytes, plane_names,
+};
 use crate::{FormatError, OutputFile};
 use exr::block::chunk::Chunk;
 use exr::block::writer::ChunksWriter;
@@ -38,13 +42,20 @@ struct ExrWriter {
     planes: Vec<usize>,
     names: Vec<String>,
     precision: Precision,
+    /// Every pixel's, where they are known.
+    points: Option<Vec<[f32; 3]>>,
     blocks: Vec<Mutex<Block>>,
     errors: StoringErrors,
     file: OutputFile,
 }
 
 /// Starts an `.exr` asset; see [`super::AssetFormat::create`].
-pub(super) fn create(path: &Path, header: AssetHeader, settings: &WriteSettings) -> Created {
+pub(super) fn create(
+    path: &Path,
+    header: AssetHeader,
+    settings: &WriteSettings,
+    positions: Option<AssetPositions>,
+) -> Created {
     let (width, height) = (header.width, header.height);
     if width > LARGEST_SIZE || height > LARGEST_SIZE {
         let problem = format!("{width} x {height} is outside 1..{LARGEST_SIZE} of OpenEXR; write .ktx2");
@@ -52,7 +63,9 @@ pub(super) fn create(path: &Path, header: AssetHeader, settings: &WriteSettings)
     }
     let precision = precision(&header.packing);
     let limit = settings.memory_limit;
-    let needed = plane_bytes(width, height, &header.model, TexelFormat::Plain { precision, channels: 1 });
+    let planes = plane_bytes(width, height, &header.model, TexelFormat::Plain { precision, channels: 1 });
+    let points = positions.map(|positions| positions.map.points);
+    let needed = planes.saturating_add(points.as_ref().map_or(0, |points| points.len() as u64 * POINT));
     if needed > limit || usize::try_from(needed).is_err() {
         let remedy = "raise --memory, or write .ktx2, which is streamed";
         return Err(FormatError::TooLarge { path: path.to_owned(), needed, limit, remedy });
@@ -60,8 +73,9 @@ pub(super) fn create(path: &Path, header: AssetHeader, settings: &WriteSettings)
     let names = plane_names(&header.model);
     let mut planes: Vec<usize> = (0..names.len()).collect();
     planes.sort_by(|&a, &b| names[a].as_bytes().cmp(names[b].as_bytes()));
-    let text = document::text_of(path, &header.model, None)?.line;
-    let exr = exr_header(&header, precision, planes.iter().map(|&plane| names[plane].as_str()), &text);
+    let text = document::text_of(path, &header.model, None, None)?.line;
+    let names_of_planes = planes.iter().map(|&plane| names[plane].as_str());
+    let exr = exr_header(&header, precision, names_of_planes, points.is_some(), &text);
     let file = OutputFile::create(path)?;
     let rows = exr.compression.scan_lines_per_block();
     let block = |first: usize| {
@@ -70,13 +84,14 @@ pub(super) fn create(path: &Path, header: AssetHeader, settings: &WriteSettings)
     };
     let blocks = (0..height).step_by(rows).map(block).collect();
     let errors = StoringErrors::new(&header.model);
-    Ok(Box::new(ExrWriter { header, exr, planes, names, precision, blocks, errors, file }))
+    Ok(Box::new(ExrWriter { header, exr, planes, names, precision, points, blocks, errors, file }))
 }
 
 fn exr_header<'a>(
     asset: &AssetHeader,
     precision: Precision,
     names: impl Iterator<Item = &'a str>,
+    positions: bool,
     text: &str,
 ) -> Header {
     let sample = match precision {
@@ -86,8 +101,12 @@ fn exr_header<'a>(
     let ascii = |text: &str| Text::from_slice_unchecked(text.as_bytes());
     // Coefficients are no perceived brightness: lossy compressors are told so.
     let channel = |name: &str| ChannelDescription::new(ascii(name), sample, true);
+    let position = |name: &str| ChannelDescription::new(ascii(name), SampleType::F32, true);
+    // OpenEXR sorts channels by name: p comes after the b with which those of planes begin.
+    let channels =
+        names.map(channel).chain(POSITION_CHANNELS.iter().filter(|_| positions).map(|name| position(name)));
     let size = Vec2(asset.width, asset.height);
-    let mut header = Header::new(Text::default(), size, names.map(channel).collect()).with_encoding(
+    let mut header = Header::new(Text::default(), size, channels.collect()).with_encoding(
         Compression::ZIP16,
         BlockDescription::ScanLines,
         LineOrder::Increasing,
@@ -172,6 +191,10 @@ impl ExrWriter {
     fn compress(&self, block: usize, bytes: Vec<u8>) -> Result<Chunk, FormatError> {
         let (width, top) = (self.header.width, block * self.rows_per_block());
         let rows = self.rows_per_block().min(self.header.height - top);
+        let bytes = match &self.points {
+            Some(points) => with_positions(&bytes, &points[top * width..][..rows * width], width),
+            None => bytes,
+        };
         let index = BlockIndex {
             layer: 0,
             pixel_position: Vec2(0, top),
@@ -182,6 +205,19 @@ impl ExrWriter {
             .compress_to_chunk(std::slice::from_ref(&self.exr))
             .map_err(|e| format_error(self.file.path(), "write", e))
     }
+}
+
+/// Rows of a block with the channels of positions after those of the planes.
+fn with_positions(planes: &[u8], points: &[[f32; 3]], width: usize) -> Vec<u8> {
+    let rows = points.len() / width;
+    let mut bytes = Vec::with_capacity(planes.len() + size_of_val(points));
+    for (row, points) in planes.chunks_exact(planes.len() / rows).zip(points.chunks_exact(width)) {
+        bytes.extend_from_slice(row);
+        for axis in 0..3 {
+            bytes.extend(points.iter().flat_map(|point| point[axis].to_ne_bytes()));
+        }
+    }
+    bytes
 }
 
 impl AssetWriter for ExrWriter {

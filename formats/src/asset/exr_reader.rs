@@ -2,19 +2,20 @@
 
 use super::document::Document;
 use super::exr::format_error;
+use super::positions::{POINT, POSITION_CHANNELS};
 use super::{AssetHeader, Details, document, open, planar, plane_bytes, plane_names};
 use crate::FormatError;
+use crate::exr_channels::guarded;
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};
 use exr::meta::BlockDescription;
 use exr::meta::header::Header;
 use exr::prelude::{AttributeValue, SampleType, Text, Vec2};
 use half::f16;
-use relight_core::{RelightingMap, RelightingMaps, Texels};
-use relight_texture::{Precision, Quantizer, TexelFormat};
+use relight_core::{NO_SURFACE, PointKind, PositionMap, RelightingMap, RelightingMaps, Texels};
+use relight_texture::{PositionPlan, Precision, Quantizer, TexelFormat};
 use std::fs::File;
 use std::io::BufReader;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 struct ExrFile {
@@ -22,8 +23,23 @@ struct ExrFile {
     header: AssetHeader,
     precision: Precision,
     compression: String,
-    /// The plane of each channel in the order of the file.
-    planes: Vec<usize>,
+    /// What each channel holds, in the order of the file.
+    contents: Vec<Content>,
+}
+
+/// What a channel holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Content {
+    /// A plane of the model.
+    Plane(usize),
+    /// x, y or z of positions.
+    Axis(usize),
+}
+
+impl ExrFile {
+    fn has_positions(&self) -> bool {
+        self.contents.contains(&Content::Axis(0))
+    }
 }
 
 /// Reads an `.exr` asset; see [`super::read_asset`].
@@ -40,22 +56,49 @@ pub(super) fn read(path: &Path, memory_limit: u64) -> Result<RelightingMaps, For
     })
 }
 
+/// Reads the positions; see [`super::read_positions`].
+pub(super) fn read_positions(path: &Path, memory_limit: u64) -> Result<Option<PositionMap>, FormatError> {
+    guarded(path, || {
+        let exr = open_exr(path)?;
+        let AssetHeader { width, height, .. } = exr.header;
+        if !exr.has_positions() {
+            return Ok(None);
+        }
+        let needed = (width as u64).saturating_mul(height as u64).saturating_mul(POINT);
+        if needed > memory_limit || usize::try_from(needed).is_err() {
+            return Err(FormatError::too_large(path, needed, memory_limit));
+        }
+        let mut points = vec![NO_SURFACE; width * height];
+        let mut row = vec![0.0; width];
+        for_each_line(path, exr, |content, line| {
+            let Content::Axis(axis) = content else { return Ok(()) };
+            let count = line.location.sample_count;
+            let first = line.location.position.y() * width + line.location.position.x();
+            line.read_samples_into_slice(&mut row[..count])?;
+            for (point, value) in points[first..first + count].iter_mut().zip(&row) {
+                point[axis] = *value;
+            }
+            Ok(())
+        })?;
+        for point in points.iter_mut().filter(|point| PointKind::of(**point) == PointKind::Missing) {
+            *point = NO_SURFACE;
+        }
+        Ok(Some(PositionMap { width, height, points }))
+    })
+}
+
 /// See [`super::summarize_asset`].
 pub(super) fn summarize(path: &Path) -> Result<(AssetHeader, Details), FormatError> {
     guarded(path, || {
         let exr = open_exr(path)?;
         let rows = vec![
-            ("compression".to_owned(), exr.compression),
-            ("channels".to_owned(), exr.planes.len().to_string()),
+            ("compression".to_owned(), exr.compression.clone()),
+            ("channels".to_owned(), exr.contents.len().to_string()),
         ];
-        Ok((exr.header, Details { rows, ..Details::default() }))
+        let plan = PositionPlan { precision: Precision::F32, scale: [1.0; 3], bias: [0.0; 3] };
+        let positions = exr.has_positions().then_some(plan);
+        Ok((exr.header, Details { rows, positions, ..Details::default() }))
     })
-}
-
-/// The exr crate panics on some damaged files: to the caller that is a damaged file.
-fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, FormatError>) -> Result<T, FormatError> {
-    catch_unwind(AssertUnwindSafe(work))
-        .unwrap_or_else(|_| Err(FormatError::invalid(path, "damaged OpenEXR: its decoder gave up")))
 }
 
 /// Reads and checks everything but the pixels.
@@ -76,12 +119,24 @@ fn open_exr(path: &Path) -> Result<ExrFile, FormatError> {
     let Document::Asset(model, _) = document::parse(path, text.as_slice())? else {
         return unsupported("is part of an asset of textures, but is no texture");
     };
-    let planes = planes_of_channels(path, exr, &plane_names(&model))?;
-    let precision = match exr.channels.uniform_sample_type {
+    let contents = contents_of_channels(path, exr, &plane_names(&model))?;
+    let samples = |wanted: fn(&Content) -> bool| {
+        let channels = exr.channels.list.iter().zip(&contents);
+        let mut samples =
+            channels.filter(move |(_, content)| wanted(content)).map(|(channel, _)| channel.sample_type);
+        let first = samples.next();
+        first.filter(|first| samples.all(|sample| sample == *first))
+    };
+    let precision = match samples(|content| matches!(content, Content::Plane(_))) {
         Some(SampleType::F16) => Precision::F16,
         Some(SampleType::F32) => Precision::F32,
         _ => return unsupported("has channels that are not all half or all float"),
     };
+    if contents.contains(&Content::Axis(0))
+        && samples(|content| matches!(content, Content::Axis(_))) != Some(SampleType::F32)
+    {
+        return unsupported("has positions that are not float");
+    }
     let Vec2(width, height) = exr.layer_size;
     if width == 0 || height == 0 {
         return Err(FormatError::invalid(path, "has no pixels"));
@@ -90,56 +145,74 @@ fn open_exr(path: &Path) -> Result<ExrFile, FormatError> {
     let plain = Quantizer { scale: 1.0, bias: 0.0 };
     let packing = planar::packing(precision, std::iter::repeat_n(plain, model.plane_count()));
     let header = AssetHeader { width, height, model: *model, packing };
-    Ok(ExrFile { reader, header, precision, compression, planes })
+    Ok(ExrFile { reader, header, precision, compression, contents })
 }
 
-/// Which plane each channel holds, when they are those of the asset, each once.
-fn planes_of_channels(path: &Path, exr: &Header, names: &[String]) -> Result<Vec<usize>, FormatError> {
+/// What each channel holds, when they are those of the asset, each once, and perhaps positions.
+fn contents_of_channels(path: &Path, exr: &Header, names: &[String]) -> Result<Vec<Content>, FormatError> {
     let invalid = |problem: String| FormatError::invalid(path, problem);
     let channels = &exr.channels.list;
     if channels.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
         return Err(FormatError::unsupported(path, "has subsampled channels; relight reads full ones"));
     }
-    let mut planes = vec![0; channels.len()];
+    let find = |name: &str| channels.iter().position(|channel| channel.name.as_slice() == name.as_bytes());
+    let mut contents = vec![None; channels.len()];
     for (plane, name) in names.iter().enumerate() {
-        let channel = channels.iter().position(|channel| channel.name.as_slice() == name.as_bytes());
-        planes[channel.ok_or_else(|| invalid(format!("has no channel {name}")))?] = plane;
+        let channel = find(name).ok_or_else(|| invalid(format!("has no channel {name}")))?;
+        contents[channel] = Some(Content::Plane(plane));
     }
-    if channels.len() != names.len() {
-        let (found, expected) = (channels.len(), names.len());
-        return Err(invalid(format!("has {found} channels where its asset has {expected}")));
+    let axes = POSITION_CHANNELS.map(find);
+    if let [Some(x), Some(y), Some(z)] = axes {
+        [x, y, z].into_iter().enumerate().for_each(|(axis, at)| contents[at] = Some(Content::Axis(axis)));
     }
-    Ok(planes)
+    let (found, known) = (channels.len(), contents.iter().flatten().count());
+    let contents: Option<Vec<Content>> = contents.into_iter().collect();
+    contents.ok_or_else(|| invalid(format!("has {found} channels where its asset has {known}")))
 }
 
 fn read_planes(path: &Path, exr: ExrFile) -> Result<RelightingMaps, FormatError> {
-    let ExrFile { reader, header, precision, planes: plane_of_channel, .. } = exr;
-    let AssetHeader { width, height, model, .. } = header;
+    let AssetHeader { width, height, ref model, .. } = exr.header;
+    let (model, precision) = (model.clone(), exr.precision);
     let empty = || match precision {
         Precision::F32 => Texels::F32(vec![0.0; width * height]),
         Precision::U8 | Precision::F16 => Texels::F16(vec![f16::ZERO; width * height]),
     };
     let mut planes: Vec<RelightingMap> =
         (0..model.plane_count()).map(|_| RelightingMap { scale: 1.0, bias: 0.0, texels: empty() }).collect();
-    let mut seen = vec![false; height];
+    for_each_line(path, exr, |content, line| match content {
+        Content::Plane(plane) => {
+            let first = line.location.position.y() * width;
+            copy_line(&mut planes[plane].texels, first, line)
+        }
+        Content::Axis(_) => Ok(()),
+    })?;
+    Ok(RelightingMaps { width, height, model, planes })
+}
+
+/// Hands on a row of each channel at a time; all rows come.
+fn for_each_line(
+    path: &Path,
+    exr: ExrFile,
+    mut take: impl FnMut(Content, LineRef<'_>) -> exr::error::UnitResult,
+) -> Result<(), FormatError> {
+    let ExrFile { reader, header, contents, .. } = exr;
+    let mut seen = vec![false; header.height];
     let exr_error = |e| format_error(path, "read", e);
     let chunks = reader.all_chunks(false).map_err(exr_error)?;
     let channels = chunks.headers()[0].channels.clone();
     chunks
         .decompress_sequential(false, |_, block| {
             for line in block.lines(&channels) {
-                let plane = &mut planes[plane_of_channel[line.location.channel]];
-                let y = line.location.position.y();
-                copy_line(&mut plane.texels, y * width, line)?;
-                seen[y] = true;
+                seen[line.location.position.y()] = true;
+                take(contents[line.location.channel], line)?;
             }
             Ok(())
         })
         .map_err(exr_error)?;
-    if let Some(row) = seen.iter().position(|seen| !seen) {
-        return Err(FormatError::invalid(path, format!("damaged OpenEXR: row {row} is missing")));
+    match seen.iter().position(|seen| !seen) {
+        Some(row) => Err(FormatError::invalid(path, format!("damaged OpenEXR: row {row} is missing"))),
+        None => Ok(()),
     }
-    Ok(RelightingMaps { width, height, model, planes })
 }
 
 fn copy_line(texels: &mut Texels, first: usize, line: LineRef<'_>) -> exr::error::UnitResult {

@@ -2,7 +2,7 @@
 
 use super::{AssetFormat, AssetHeader, format_of, layout_name, open_measured, plane_names};
 use crate::FormatError;
-use relight_texture::{Packing, level_size};
+use relight_texture::{Packing, PositionPlan, level_size};
 use std::path::{Path, PathBuf};
 
 /// What a format tells of its own.
@@ -12,6 +12,7 @@ pub(super) struct Details {
     pub(super) files: Vec<PathBuf>,
     /// Bytes of all files, where there are several.
     pub(super) file_bytes: u64,
+    pub(super) positions: Option<PositionPlan>,
     /// Facts as name and value.
     pub(super) rows: Vec<(String, String)>,
 }
@@ -27,6 +28,8 @@ pub struct AssetSummary {
     pub files: Vec<PathBuf>,
     /// Bytes of all files.
     pub file_bytes: u64,
+    /// How its positions lie, where it has some: the last of the textures, or channels of its file.
+    pub positions: Option<PositionPlan>,
     /// Facts of the format's own, as name and value.
     pub details: Vec<(String, String)>,
 }
@@ -37,12 +40,12 @@ pub struct AssetSummary {
 /// As of [`read_asset`](super::read_asset), short of what only the texels show.
 pub fn summarize_asset(path: &Path) -> Result<AssetSummary, FormatError> {
     let format = format_of(path)?;
-    let (header, Details { mut files, mut file_bytes, rows: details }) = (format.summarize)(path)?;
+    let (header, Details { mut files, mut file_bytes, positions, rows: details }) = (format.summarize)(path)?;
     if files.is_empty() {
         (_, file_bytes) = open_measured(path)?;
         files.push(path.to_owned());
     }
-    Ok(AssetSummary { format, header, files, file_bytes, details })
+    Ok(AssetSummary { format, header, files, file_bytes, positions, details })
 }
 
 /// [`summarize_asset`] in words: rows of a name and a value.
@@ -50,7 +53,7 @@ pub fn summarize_asset(path: &Path) -> Result<AssetSummary, FormatError> {
 /// # Errors
 /// As of [`summarize_asset`].
 pub fn describe_asset(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
-    let AssetSummary { format, header, files, file_bytes, details } = summarize_asset(path)?;
+    let AssetSummary { format, header, files, file_bytes, positions, details } = summarize_asset(path)?;
     let AssetHeader { width, height, model, packing } = &header;
     let mut rows: Vec<(String, String)> = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.to_owned(), value));
@@ -73,6 +76,11 @@ pub fn describe_asset(path: &Path) -> Result<Vec<(String, String)>, FormatError>
         row("files", names.collect::<Vec<_>>().join(" "));
     }
     row("file bytes", file_bytes.to_string());
+    if let Some(PositionPlan { precision, scale, bias }) = positions {
+        let words = |values: [f32; 3]| values.map(|value| value.to_string()).join(" ");
+        let (name, scale, bias) = (precision.name(), words(scale), words(bias));
+        row("positions", format!("{name}, scale {scale}, bias {bias}"));
+    }
     row("GPU bytes a pixel", bytes_a_pixel(*width, *height, packing).to_string());
     rows.extend(details);
     rows.extend(maps(&header));

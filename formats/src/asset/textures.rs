@@ -2,14 +2,17 @@
 //! writer that puts every texel in its place.
 
 use super::document::{self, Document, Text};
+use super::positions::PIECE;
 use super::texture::{LevelPlace, Shape, Texture};
-use super::{AssetHeader, AssetWriter, Created, WriteSettings, check_complete, check_finite};
+use super::{
+    AssetHeader, AssetPositions, AssetWriter, Created, Parts, WriteSettings, check_complete, check_finite,
+};
 use super::{dds, ktx2, ktx2_reader, textures_reader, zstandard};
 use crate::output_file::finish_all;
 use crate::positioned::write_all_at;
 use crate::{FormatError, OutputFile};
 use relight_core::CoefficientSpan;
-use relight_texture::{PackReport, Packer, Packing, TexelPlace};
+use relight_texture::{PackReport, Packer, Packing, PositionPlan, TexelPlace};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -48,16 +51,18 @@ impl Container {
     }
 }
 
-/// How many texture files hold such a packing.
+/// How many texture files hold the planes of such a packing.
 fn file_count(packing: &Packing, split: bool) -> usize {
     if split { packing.layers() } else { packing.arrays.len() }
 }
 
-/// `stem.ktx2`, `stem_1.ktx2`, `stem_2.ktx2` .. beside `path`, which is the first.
-fn texture_paths(path: &Path, count: usize) -> Vec<PathBuf> {
-    let further = (1..count).map(|number| {
+/// `stem.ktx2`, `stem_1.ktx2`, `stem_2.ktx2` .. and `stem_positions.ktx2` beside `path`, which is the
+/// first of `count`.
+fn texture_paths(path: &Path, count: usize, positions: bool) -> Vec<PathBuf> {
+    let numbers = (1..count).map(|number| number.to_string());
+    let further = numbers.chain(positions.then(|| "positions".to_owned())).map(|suffix| {
         let mut name = path.file_stem().unwrap_or_default().to_owned();
-        name.push(format!("_{number}"));
+        name.push(format!("_{suffix}"));
         let mut sibling = path.with_file_name(name);
         if let Some(extension) = path.extension() {
             sibling.as_mut_os_string().push(".");
@@ -73,10 +78,10 @@ pub(super) fn outputs(
     container: Container,
     path: &Path,
     packing: &Packing,
-    split: bool,
+    parts: Parts,
 ) -> Result<Vec<PathBuf>, FormatError> {
-    let mut files = texture_paths(path, file_count(packing, split));
-    if container.has_manifest(split) {
+    let mut files = texture_paths(path, file_count(packing, parts.split), parts.positions);
+    if container.has_manifest(parts.split) {
         files.push(path.with_extension(MANIFEST));
     }
     let foreign = files.iter().skip(1).find(|file| file.exists() && !is_ours(container, file));
@@ -133,12 +138,14 @@ pub(super) fn create(
     path: &Path,
     header: AssetHeader,
     settings: &WriteSettings,
+    positions: Option<AssetPositions>,
 ) -> Created {
     let AssetHeader { width, height, model, packing } = &header;
     let WriteSettings { coding, zstd, split, .. } = *settings;
     check_finite(path, &header)?;
-    let all = outputs(container, path, packing, split)?;
-    let paths = &all[..file_count(packing, split)];
+    let all = outputs(container, path, packing, Parts { split, positions: positions.is_some() })?;
+    let planes = file_count(packing, split);
+    let paths = &all[..planes + usize::from(positions.is_some())];
     let named = all.len() > 1;
     let names = if named { file_names(paths)? } else { Vec::new() };
     let (mut first_files, mut shapes, mut arrays) = (Vec::new(), Vec::new(), Vec::new());
@@ -158,7 +165,15 @@ pub(super) fn create(
         let names = if named { names[first..first + files].to_vec() } else { Vec::new() };
         arrays.push(document::array_of(plan, names));
     }
-    let text = document::text_of(path, model, Some((packing.wrap, packing.levels, arrays)))?;
+    let position_plan =
+        positions.as_ref().map(|positions| PositionPlan::new(&positions.map, positions.precision));
+    let positions_record = position_plan.as_ref().map(|plan| {
+        let (width, height, format) = (*width, *height, plan.format());
+        shapes.push(Shape { width, height, format, levels: 1, layers: 1, array: false });
+        document::positions_of(plan, names[planes].clone())
+    });
+    let textures = Some((packing.wrap, packing.levels, arrays));
+    let text = document::text_of(path, model, textures, positions_record)?;
     let manifest = match container.has_manifest(split) {
         true => Some(manifest(&path.with_extension(MANIFEST), &text)?),
         false => None,
@@ -194,6 +209,9 @@ pub(super) fn create(
     };
     let packer = Packer::new(*width, *height, model, packing.clone(), coding);
     let files = OutputFiles { outputs, first_files, split, manifest, spool };
+    if let (Some(positions), Some(plan)) = (positions, position_plan) {
+        files.put_positions(&files.outputs[planes], &positions, &plan)?;
+    }
     Ok(Box::new(TextureWriter { header, packer, files }))
 }
 
@@ -221,7 +239,32 @@ impl OutputFiles {
         let TexelPlace { array, level, layer, offset } = place;
         let (file, layer) = if self.split { (layer, 0) } else { (0, layer) };
         let output = &self.outputs[self.first_files[array] + file];
-        let at = output.places[level].offset + layer as u64 * output.places[level].stride + offset;
+        self.put_at(
+            output,
+            output.places[level].offset + layer as u64 * output.places[level].stride + offset,
+            bytes,
+        )
+    }
+
+    /// Writes the texels of positions to `output`.
+    fn put_positions(
+        &self,
+        output: &Output,
+        positions: &AssetPositions,
+        plan: &PositionPlan,
+    ) -> Result<(), FormatError> {
+        let (mut at, mut texels) = (output.places[0].offset, Vec::new());
+        for points in positions.map.points.chunks(PIECE) {
+            texels.clear();
+            plan.append_texels(points, &mut texels);
+            self.put_at(output, at, &texels)?;
+            at += texels.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Writes `bytes` at `at` of a texture as it is before it is compressed.
+    fn put_at(&self, output: &Output, at: u64, bytes: &[u8]) -> Result<(), FormatError> {
         match &self.spool {
             None => output.file.write_at(at, bytes),
             Some((spool, _)) => {

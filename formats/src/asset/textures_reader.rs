@@ -3,13 +3,13 @@
 //! Levels and layers are streamed: beside what is asked for, a reader holds some hundred KiB.
 
 use super::document::{self, Array, Document, Part, Textures};
-use super::texture::{Storage, Texture, read_exact};
+use super::texture::{Shape, Storage, Texture, read_exact};
 use super::textures::{Container, MANIFEST};
 use super::unpack::Unpacker;
-use super::{AssetHeader, Details, open_measured};
+use super::{AssetHeader, Details, open_measured, positions};
 use crate::FormatError;
-use relight_core::{Model, RelightingMaps};
-use relight_texture::{ArrayPlan, PackedMaps, Packing};
+use relight_core::{Model, PositionMap, RelightingMaps};
+use relight_texture::{ArrayPlan, PackedMaps, Packing, PositionPlan};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -19,6 +19,16 @@ struct Asset {
     /// By array: one file of all its layers, or one a layer.
     textures: Vec<Vec<Texture>>,
     manifest: Option<PathBuf>,
+    positions: Option<UnopenedPositions>,
+}
+
+/// Positions that nobody asked for yet.
+struct UnopenedPositions {
+    plan: PositionPlan,
+    /// The name of their file.
+    file: String,
+    /// As of [`Textures::id`].
+    id: Option<u64>,
 }
 
 /// What a manifest says.
@@ -166,7 +176,9 @@ fn assemble(
     let shape = textures[0][0].shape;
     let packing = Packing { arrays, levels: shape.levels, wrap: document.wrap };
     let header = AssetHeader { width: shape.width, height: shape.height, model, packing };
-    Ok(Asset { header, textures, manifest })
+    let id = document.id;
+    let positions = document.positions.map(|(plan, file)| UnopenedPositions { plan, file, id });
+    Ok(Asset { header, textures, manifest, positions })
 }
 
 /// Opens file `name` of the asset at `path`.
@@ -252,9 +264,33 @@ pub(super) fn read_packed(
     Ok(PackedMaps { width, height, model, packing, texels })
 }
 
+/// Reads the positions; see [`super::read_positions`].
+pub(super) fn read_positions(
+    container: Container,
+    path: &Path,
+    memory_limit: u64,
+) -> Result<Option<PositionMap>, FormatError> {
+    let Asset { header, positions, .. } = open(container, path)?;
+    let Some(UnopenedPositions { plan, file, id }) = positions else { return Ok(None) };
+    let texture = open_named(container, path, &file, id)?;
+    let Shape { width, height, format, levels, layers, .. } = texture.shape;
+    if (width, height, format, levels, layers) != (header.width, header.height, plan.format(), 1, 1) {
+        let problem = format!(
+            "holds {layers} x {width} x {height} texels of {} in {levels} levels where positions of its asset \
+             are 1 x {} x {} of {} in 1",
+            texture.format_name,
+            header.width,
+            header.height,
+            plan.precision.name()
+        );
+        return Err(FormatError::invalid(&texture.path, problem));
+    }
+    positions::read(&texture, &plan, memory_limit).map(Some)
+}
+
 /// See [`super::summarize_asset`].
 pub(super) fn summarize(container: Container, path: &Path) -> Result<(AssetHeader, Details), FormatError> {
-    let Asset { header, textures, manifest } = open(container, path)?;
+    let Asset { header, textures, manifest, positions } = open(container, path)?;
     let mut details = Details::default();
     let mut formats: Vec<&str> = Vec::new();
     for texture in textures.iter().flatten() {
@@ -263,6 +299,13 @@ pub(super) fn summarize(container: Container, path: &Path) -> Result<(AssetHeade
         if formats.last() != Some(&texture.format_name.as_str()) {
             formats.push(&texture.format_name);
         }
+    }
+    if let Some(UnopenedPositions { plan, file, .. }) = positions {
+        let file = existing(path, &file)?;
+        let (_, bytes) = open_measured(&file)?;
+        details.file_bytes += bytes;
+        details.files.push(file);
+        details.positions = Some(plan);
     }
     if let Some(manifest) = manifest {
         let (_, bytes) = open_measured(&manifest)?;

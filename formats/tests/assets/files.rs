@@ -3,7 +3,7 @@
 use crate::lopsided::{LIMIT, Lopsided, PLAIN, lopsided, names_in, replace_in_file};
 use relight_core::{CoefficientSpan, Layout};
 use relight_formats::asset::{
-    ASSET_FORMATS, AssetFormat, WriteSettings, describe_asset, read_asset, read_packed,
+    ASSET_FORMATS, AssetFormat, Parts, WriteSettings, describe_asset, read_asset, read_packed,
 };
 use relight_formats::{FormatError, describe};
 use relight_texture::{BlockFormat, Packing, Precision, TexelFormat};
@@ -46,7 +46,10 @@ fn files_are_those_that_were_announced() {
     for (name, packing, split, mut expected) in cases {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
-        let announced = AssetFormat::by_path(&path).unwrap().outputs(&path, packing, split).unwrap();
+        let announced = AssetFormat::by_path(&path)
+            .unwrap()
+            .outputs(&path, packing, Parts { split, positions: false })
+            .unwrap();
         let announced: Vec<_> =
             announced.iter().map(|path| path.file_name().unwrap().to_str().unwrap().to_owned()).collect();
         assert_eq!(announced, expected);

@@ -3,7 +3,7 @@
 use relight_core::{
     CoefficientRange, CoefficientSpan, Design, Direction, Family, FitFigures, Layout, LightSet, Model, Space,
 };
-use relight_formats::asset::{AssetFormat, AssetHeader, WriteSettings};
+use relight_formats::asset::{AssetFormat, AssetHeader, AssetWriter, WriteSettings};
 use relight_formats::{FormatError, write_whole};
 use relight_texture::{
     ArrayPlan, Coding, LayerPlan, PackReport, PackedMaps, Packer, Packing, Precision, Quantizer, TexelDomain,
@@ -168,6 +168,16 @@ impl Lopsided {
         })
     }
 
+    /// Hands all pixels to `writer`.
+    pub(crate) fn fill(
+        &self,
+        writer: &dyn AssetWriter,
+        packing: &Packing,
+        seed: u64,
+    ) -> Result<(), FormatError> {
+        self.for_each_run(packing, seed, &|span| writer.write(span))
+    }
+
     pub(crate) fn write(
         &self,
         path: &Path,
@@ -177,7 +187,7 @@ impl Lopsided {
     ) -> Result<PackReport, FormatError> {
         let format = AssetFormat::by_path(path)?;
         let writer = format.create(path, self.header(packing.clone()), settings)?;
-        self.for_each_run(packing, seed, &|span| writer.write(span))?;
+        self.fill(&*writer, packing, seed)?;
         writer.finish()
     }
 

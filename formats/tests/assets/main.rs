@@ -8,5 +8,7 @@ mod ktx2;
 mod lopsided;
 mod mangled;
 mod planar;
+mod position_files;
+mod positions;
 mod refusals;
 mod round_trips;

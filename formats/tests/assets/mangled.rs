@@ -1,9 +1,13 @@
 //! Damaged files are errors or results, within the memory limit.
 
 use crate::lopsided::{LIMIT, PLAIN, SplitMix, lopsided, names_in};
-use relight_core::Layout;
-use relight_formats::asset::{WriteSettings, describe_asset, read_asset, read_packed};
-use relight_formats::{FormatError, describe};
+use crate::position_files::write_exr;
+use crate::positions;
+use relight_core::{Layout, PositionMap};
+use relight_formats::asset::{WriteSettings, describe_asset, read_asset, read_packed, read_positions};
+use relight_formats::{
+    FormatError, describe, read_camera_file, read_depth_file, read_position_file, write_position_file,
+};
 use relight_texture::{BlockFormat, Precision, TexelFormat};
 use std::alloc::{GlobalAlloc, Layout as MemoryLayout, System};
 use std::fs;
@@ -44,6 +48,12 @@ fn write(path: &Path, kind: &str) {
         "blocks" => (asset.packing(block(BlockFormat::Bc7), 6), PLAIN),
         "zstd" => (asset.packing(block(BlockFormat::Bc5Signed), 6), WriteSettings { zstd: Some(3), ..PLAIN }),
         "several" => (asset.packing_of_several(&[BlockFormat::Bc1, BlockFormat::Bc6h].map(block), 2), PLAIN),
+        "positions" => {
+            let precision = if path.ends_with("a.exr") { Precision::F32 } else { Precision::F16 };
+            let settings = WriteSettings { zstd: path.ends_with("a.ktx2").then_some(3), ..PLAIN };
+            let packing = asset.plain(path, Precision::F16);
+            return positions::write(&asset, path, &packing, &settings, precision).unwrap();
+        }
         other => panic!("{other}"),
     };
     asset.write(path, &packing, &settings, 1).unwrap();
@@ -80,12 +90,17 @@ fn mangled_assets_are_errors_or_results_within_the_memory_limit() {
         ("a.ktx2", "several"),
         ("a.dds", "blocks"),
         ("a.dds", "several"),
+        ("a.exr", "positions"),
+        ("a.ktx2", "positions"),
+        ("a.dds", "positions"),
     ];
     for (name, kind) in kinds {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         write(&path, kind);
         for damaged in names_in(folder.path()) {
+            // Planes are read whatever happens to positions.
+            let of_positions = damaged.contains("_positions");
             let damaged = folder.path().join(damaged);
             let whole = fs::read(&damaged).unwrap();
             let (mut random, mut results) = (SplitMix(7), 0);
@@ -95,8 +110,12 @@ fn mangled_assets_are_errors_or_results_within_the_memory_limit() {
                 let _ = describe_asset(&path);
                 let _ = describe(&damaged);
                 if let Ok(maps) = read_asset(&path, LIMIT) {
-                    results += 1;
+                    results += usize::from(!of_positions);
                     assert!(maps.planes.iter().all(|plane| plane.texels.len() == maps.width * maps.height));
+                }
+                if let Ok(Some(map)) = read_positions(&path, LIMIT) {
+                    results += usize::from(of_positions);
+                    assert_eq!(map.points.len(), map.width * map.height);
                 }
                 if let Ok(packed) = read_packed(&path, LIMIT) {
                     assert_eq!(packed.texels.len(), packed.packing.arrays.len());
@@ -107,6 +126,47 @@ fn mangled_assets_are_errors_or_results_within_the_memory_limit() {
             let words = format!("{name} {kind} {}: {results} of {rounds} were read", damaged.display());
             assert!((rounds / 50..rounds - 10).contains(&results), "{words}");
         }
+    }
+    let largest = LARGEST.load(Ordering::Relaxed) as u64;
+    assert!(largest <= LIMIT, "{largest} bytes were asked for at once");
+}
+
+#[test]
+fn mangled_cameras_depths_and_positions_are_errors_or_results_within_the_memory_limit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let values: Vec<f32> = (0..23 * 37).map(|i| i as f32 * 0.37).collect();
+    write_exr(&path("depth.exr"), (23, 37), &[("R", &values), ("half Z", &values)]);
+    let points = values.iter().map(|&v| [v, -v, 1.0]).collect();
+    write_position_file(&path("p.exr"), &PositionMap { width: 23, height: 37, points }).unwrap();
+    let camera = Path::new(env!("CARGO_MANIFEST_DIR")).join("../testdata/positions/court/camera.json");
+    fs::write(path("camera.json"), fs::read(camera).unwrap()).unwrap();
+    let toml = "kind = 'ortho'\nwidth = 3\nheight = 2\nwidth_units = 5\neye = [1, 2, 3]\nup = [0, 0.6, 0.8]\n\
+        forward = [0, 0.8, -0.6]\nv = 'eye_to_scene'\n";
+    fs::write(path("camera.toml"), toml).unwrap();
+    for name in ["depth.exr", "p.exr", "camera.json", "camera.toml"] {
+        let whole = fs::read(path(name)).unwrap();
+        let (mut random, mut results, rounds) = (SplitMix(11), 0, 400);
+        for round in 0..rounds {
+            fs::write(path(name), mangle(&whole, round, &mut random)).unwrap();
+            let depth = read_depth_file(&path(name), None, 1.0, LIMIT);
+            let map = read_position_file(&path(name), LIMIT);
+            let camera = read_camera_file(&path(name));
+            let _ = describe(&path(name));
+            if let Ok(depth) = &depth {
+                assert_eq!(depth.depths.len(), depth.width * depth.height);
+            }
+            if let Ok(map) = &map {
+                assert_eq!(map.points.len(), map.width * map.height);
+            }
+            if let Ok(camera) = &camera {
+                let numbers = [camera.right, camera.up, camera.forward, camera.eye];
+                assert!(numbers.iter().flatten().all(|c| c.is_finite()), "{camera:?}");
+            }
+            results += usize::from(depth.is_ok() || map.is_ok() || camera.is_ok());
+        }
+        // Text hardly survives anything.
+        assert!((1..rounds - 10).contains(&results), "{name}: {results} of {rounds} were read");
     }
     let largest = LARGEST.load(Ordering::Relaxed) as u64;
     assert!(largest <= LIMIT, "{largest} bytes were asked for at once");

@@ -1,0 +1,113 @@
+//! Positions that a bake stores beside its planes.
+
+use crate::failure::Failure;
+use crate::positions::{DepthOptions, note, words};
+use clap::{Args, ValueEnum};
+use relight_core::PositionMap;
+use relight_formats::{AssetFormat, AssetPositions, FormatError, read_position_file};
+use relight_texture::{PositionPlan, Precision};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Where positions come from, and how they are stored.
+#[derive(Args, Debug)]
+#[group(id = "bake_positions")]
+pub(super) struct PositionOptions {
+    /// Store the position of every pixel, for lights that are near: .exr with channels X, Y, Z, or
+    /// --depth and --camera instead
+    #[arg(long, value_name = "P.exr", conflicts_with = "depth")]
+    positions: Option<PathBuf>,
+    #[command(flatten)]
+    source: DepthOptions,
+    /// How positions are stored: half (relative to their box; default) or float (default in .exr)
+    #[arg(long, value_name = "PRECISION", value_enum)]
+    positions_precision: Option<PrecisionChoice>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PrecisionChoice {
+    Half,
+    Float,
+}
+
+impl PositionOptions {
+    /// The files that are read.
+    pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.positions.iter().chain(self.source.files())
+    }
+
+    /// How positions are to be stored in `output`; `None` where there are none.
+    ///
+    /// # Errors
+    /// Exit code 2 where `output` can't hold them.
+    pub(super) fn precision(
+        &self,
+        format: &AssetFormat,
+        output: &Path,
+    ) -> Result<Option<Precision>, Failure> {
+        let asked = self.positions_precision.map(|choice| match choice {
+            PrecisionChoice::Half => Precision::F16,
+            PrecisionChoice::Float => Precision::F32,
+        });
+        if self.files().next().is_none() {
+            return match asked {
+                None => Ok(None),
+                Some(_) => Err(Failure::usage("--positions-precision belongs to --positions or --depth")),
+            };
+        }
+        let precision = asked.or(format.positions.first().copied()).unwrap_or(Precision::F16);
+        format.check_positions(output, precision).map_err(Failure::of_output)?;
+        Ok(Some(precision))
+    }
+
+    /// Reads the positions of pictures of `width` x `height` pixels, within `memory` bytes.
+    pub(super) fn read(
+        &self,
+        (width, height): (usize, usize),
+        memory: u64,
+    ) -> Result<Option<PositionMap>, Failure> {
+        let map = match &self.positions {
+            Some(path) => Some(read_position_file(path, memory)?),
+            None => self.source.read(memory)?,
+        };
+        if let (Some(map), Some(path)) = (&map, self.files().next())
+            && (map.width, map.height) != (width, height)
+        {
+            let problem = format!(
+                "has {} x {} pixels where the pictures have {width} x {height}; give positions of the same view",
+                map.width, map.height
+            );
+            return Err(FormatError::invalid(path, problem).into());
+        }
+        Ok(map)
+    }
+}
+
+/// What a bake says of the positions that it stores.
+pub(super) struct PositionFacts {
+    /// What should be known of a map that can't be meant.
+    pub(super) note: Option<String>,
+    /// In a line.
+    pub(super) words: String,
+    /// In the report.
+    pub(super) json: Value,
+}
+
+impl PositionFacts {
+    pub(super) fn of(AssetPositions { map, precision }: &AssetPositions) -> Self {
+        let [surface, sky, missing] = map.counts();
+        let bounds = map.bounds();
+        let PositionPlan { scale, bias, .. } = PositionPlan::new(map, *precision);
+        let json = json!({
+            "precision": precision.name(),
+            "surface": surface,
+            "sky": sky,
+            "missing": missing,
+            "least": bounds.map(|(least, _)| least),
+            "largest": bounds.map(|(_, largest)| largest),
+            "scale": scale,
+            "bias": bias,
+        });
+        Self { note: note(map), words: format!("positions as {}: {}", precision.name(), words(map)), json }
+    }
+}
