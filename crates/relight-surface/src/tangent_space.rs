@@ -43,7 +43,7 @@ pub fn drop_off(cosine: f64) -> f64 {
 /// evaluated there, and the coefficients, read bilinearly at the texture coordinates, summed: interpolating
 /// coefficients is interpolating pictures, because the sum is linear. A light below the horizon is taken from the
 /// horizon and fades by [`drop_off`]. Triangles seen from behind have their normal turned round. Encoded maps are decoded
-/// before lights add up; negative light counts as 0. Source: as [`drop_off`], with any basis in the place of the polynomial.
+/// before lights add up; negative light is kept. Source: as [`drop_off`], with any basis in the place of the polynomial.
 ///
 /// # Errors
 /// [`SurfaceError`] for a mesh that is at fault or lacks coordinates, normals or tangents
@@ -80,7 +80,7 @@ pub fn draw_tangent_space(
             let Some(above) = above_horizon(local).filter(|_| remaining > 0.0) else { continue };
             let relit = relit(maps, &roles, &coefficients, above);
             for channel in 0..3 {
-                total[channel] += color[channel] * remaining * relit[channel].max(0.0);
+                total[channel] += color[channel] * remaining * relit[channel];
             }
         }
         total

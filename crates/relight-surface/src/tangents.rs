@@ -4,8 +4,8 @@ use crate::mesh::at;
 use crate::vectors::{cross, difference, dot, length, scaled, unit, wide};
 use crate::{Mesh, TangentFrame};
 
-/// Coordinates whose triangle is thinner than this part of its sides' product have no direction.
-const THINNEST: f64 = 1e-9;
+/// Coordinates whose triangle is thinner than this part of its sides' product have no direction: they are f32.
+const THINNEST: f64 = 1e-6;
 
 /// Where u grows on a triangle.
 #[derive(Clone, Copy)]
