@@ -65,7 +65,6 @@ pub fn rasterize(mesh: &Mesh, camera: &Camera) -> Result<Fragments, SurfaceError
     Ok(fragments(&Drawing {
         corners: corners.collect(),
         triangles: &mesh.triangles,
-        has_area: &|triangle| has_area(mesh, triangle),
         size: (camera.width, camera.height),
         across: &|x| 2.0 * (x as f64 + 0.5) / width - 1.0,
         upwards: &|y| (height - 2.0 * (y as f64 + 0.5)) / width,
@@ -88,18 +87,12 @@ pub fn chart_coverage(mesh: &Mesh, width: usize, height: usize) -> Result<Vec<bo
     let fragments = fragments(&Drawing {
         corners: coordinates.iter().map(corner).collect(),
         triangles: &mesh.triangles,
-        has_area: &|_| true,
         size: (width, height),
         across: &|x| x as f64 + 0.5,
         upwards: &|y| -(y as f64 + 0.5),
         pixel_of: &|across, upwards| (across, -upwards),
     });
     Ok(fragments.fragments.iter().map(|fragment| fragment.triangle != Fragment::NOTHING).collect())
-}
-
-fn has_area(mesh: &Mesh, triangle: [u32; 3]) -> bool {
-    let [a, b, c] = triangle.map(|vertex| wide(mesh.positions[vertex as usize]));
-    cross(difference(b, a), difference(c, a)).iter().any(|c| *c != 0.0)
 }
 
 /// A vertex as the picture plane has it.
@@ -115,7 +108,6 @@ struct Corner {
 struct Drawing<'a> {
     corners: Vec<Corner>,
     triangles: &'a [[u32; 3]],
-    has_area: &'a (dyn Fn([u32; 3]) -> bool + Sync),
     size: (usize, usize),
     /// Coordinate of a column's centre on the picture plane, growing.
     across: &'a (dyn Fn(usize) -> f64 + Sync),
@@ -153,7 +145,7 @@ fn fragments(drawing: &Drawing<'_>) -> Fragments {
 fn bounds_of(drawing: &Drawing<'_>, triangle: [u32; 3]) -> Bounds {
     let nothing = Bounds { columns: (0, 0), rows: (0, 0) };
     let corners = triangle.map(|vertex| drawing.corners[vertex as usize]);
-    if corners.iter().all(|corner| corner.depth <= 0.0) || !(drawing.has_area)(triangle) {
+    if corners.iter().all(|corner| corner.depth <= 0.0) {
         return nothing;
     }
     let (width, height) = drawing.size;
@@ -181,7 +173,8 @@ fn draw(
     let corners = drawing.triangles[index].map(|vertex| drawing.corners[vertex as usize]);
     let [a, b, c] = corners.map(|corner| corner.homogeneous);
     let edges = [cross(b, c), cross(c, a), cross(a, b)];
-    // Its sign is that of every edge inside; 0 for triangles that are seen along their plane.
+    // Its sign is that of every edge inside; 0 for triangles that are seen along their plane or have no area. Where
+    // rounding makes it another number for those, no pixel is on the inner side of all edges.
     let orientation = dot(a, edges[0]);
     if orientation == 0.0 || !orientation.is_finite() {
         return;

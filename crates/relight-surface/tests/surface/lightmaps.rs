@@ -52,19 +52,41 @@ fn a_lightmap_seen_from_above_is_itself_times_the_albedo() {
 
 #[test]
 fn pixels_are_means_of_their_samples_over_the_background() {
-    // The left edge of the rectangle cuts a pixel at three quarters.
-    let half = rectangle([1.75, 2.0, 4.0, 0.0], [0.0, 0.0, 1.0, 1.0]);
+    // The left edge of the rectangle cuts a pixel at three quarters, the upper one at a quarter from below.
+    let half = rectangle([1.75, 1.25, 4.0, 0.0], [0.0, 0.0, 1.0, 1.0]);
     let relit = Picture { width: 1, height: 1, channels: 1, samples: vec![1.0] };
     let settings = DrawSettings { supersampling: 4, ..PLAIN };
     let white = Albedo::Constant([1.0; 3]);
     let picture = draw_lightmapped(&half, &above(4, 2), &relit, white, &settings).unwrap();
-    assert_eq!(picture.samples[..3], [4.0, 5.0, 6.0]);
-    assert_eq!(picture.samples[3..6], [0.75 * 4.0 + 0.25, 0.75 * 5.0 + 0.25, 0.75 * 6.0 + 0.25]);
-    assert_eq!(picture.samples[6..9], [1.0; 3]);
+    let covered = [0.0, 0.25 * 0.25, 0.25, 0.25, 0.0, 0.25, 1.0, 1.0];
+    for (pixel, covered) in picture.samples.chunks_exact(3).zip(covered) {
+        for (value, background) in pixel.iter().zip(PLAIN.background) {
+            assert!((value - covered - (1.0 - covered) * background).abs() < 1e-5, "{pixel:?} {covered}");
+        }
+    }
     for supersampling in [0, 17] {
         let settings = DrawSettings { supersampling, ..PLAIN };
         assert!(draw_lightmapped(&half, &above(4, 2), &relit, white, &settings).is_err());
     }
+}
+
+#[test]
+fn lightmaps_end_at_their_edges_and_textures_go_on() {
+    let whole = rectangle([0.0, 1.0, 8.0, 0.0], [0.0, 0.0, 1.0, 1.0]);
+    let relit = Picture { width: 2, height: 1, channels: 1, samples: vec![1.0, 3.0] };
+    let drawn = |relit: &Picture, albedo: &Picture, wrap| {
+        let settings = DrawSettings { wrap, ..PLAIN };
+        let albedo = Albedo::Texture(albedo);
+        let picture = draw_lightmapped(&whole, &above(8, 1), relit, albedo, &settings).unwrap();
+        picture.samples.chunks_exact(3).map(|pixel| pixel[0]).collect::<Vec<_>>()
+    };
+    let white = Picture { width: 1, height: 1, channels: 1, samples: vec![1.0] };
+    let kept = [1.0, 1.0, 1.25, 1.75, 2.25, 2.75, 3.0, 3.0];
+    assert_eq!(drawn(&relit, &white, Wrap::Repeat), kept);
+    assert_eq!(drawn(&white, &relit, Wrap::Clamp), kept);
+    assert_eq!(drawn(&white, &relit, Wrap::Mirror), kept);
+    let around = [1.75, 1.25, 1.25, 1.75, 2.25, 2.75, 2.75, 2.25];
+    assert_eq!(drawn(&white, &relit, Wrap::Repeat), around);
 }
 
 #[test]

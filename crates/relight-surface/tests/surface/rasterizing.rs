@@ -210,6 +210,11 @@ fn charts_cover_the_texels_whose_centres_they_hold() {
     for (i, covered) in covered.iter().enumerate() {
         assert_eq!(*covered, (1..4).contains(&(i % 10)) && (2..5).contains(&(i / 10)), "texel {i}");
     }
+    // Edges through centres: those at the left and the upper edge belong to the chart. In sixteenths, which are exact.
+    mesh.uv2 = [[1.5, 2.5], [4.5, 2.5], [4.5, 5.5], [1.5, 5.5]].map(|place| place.map(|c| c / 16.0)).to_vec();
+    for (i, covered) in chart_coverage(&mesh, 16, 16).unwrap().iter().enumerate() {
+        assert_eq!(*covered, (1..4).contains(&(i % 16)) && (2..5).contains(&(i / 16)), "texel {i}");
+    }
 }
 
 #[test]

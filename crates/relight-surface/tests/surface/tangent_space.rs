@@ -185,6 +185,14 @@ fn point_lights_fall_off_with_the_square_of_the_distance_and_turn_with_the_place
             }
         }
     }
+    // Nearer than the least distance it is no brighter; a pixel further it is beyond it.
+    let near = MeshLight::Point { position: combined([3.5, 4.5, 0.25]), color, least_distance: 0.5 };
+    let found = draw_tangent_space(&board(false), &camera(1.0), &maps, &[near], &PLAIN).unwrap();
+    for (x, to, square) in [(3, [0.0, 0.0, 0.25], 0.25), (4, [-1.0, 0.0, 0.25], 1.0625)] {
+        let relit = relight(&maps, Direction::new(to[0], to[1], to[2]).unwrap(), CpuLevel::BASELINE);
+        let at = 3 * (5 * WIDTH + x);
+        assert!((found.samples[at] - relit.samples[at] * color[0] / square).abs() < 1e-4, "{x}");
+    }
     // In the surface itself: on a pixel's centre it has no direction there, and all else sees it at the horizon.
     let inside = MeshLight::Point { position: combined([3.5, 4.5, 0.0]), color, least_distance: 0.5 };
     let found = draw_tangent_space(&board(false), &camera(1.0), &maps, &[inside], &PLAIN).unwrap();
