@@ -10,6 +10,7 @@ mod holdout;
 mod info;
 mod interrupt;
 mod job;
+mod light_options;
 mod lights;
 mod notes;
 mod options;
@@ -22,6 +23,7 @@ mod say;
 mod shader;
 #[cfg(feature = "gpu")]
 mod verify;
+mod view;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
@@ -41,6 +43,8 @@ enum Command {
     Bake(bake::BakeArguments),
     /// Light an asset anew and write pictures
     Render(render::RenderArguments),
+    /// Look into a relit panorama, or at a mesh with a relit texture
+    View(view::ViewArguments),
     /// Compare an asset with photographs, light by light
     Evaluate(evaluate::EvaluateArguments),
     /// Examine a capture before baking it: coverage, duplicates, exposure, usable bases
@@ -74,6 +78,7 @@ fn main() -> ExitCode {
     let result = std::panic::catch_unwind(|| match arguments.command {
         Command::Bake(arguments) => bake::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
+        Command::View(arguments) => view::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Lights(arguments) => lights::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),

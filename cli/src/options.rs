@@ -1,8 +1,8 @@
 //! Options that several subcommands share.
 
 use crate::failure::{Exit, Failure};
-use clap::Args;
-use relight_core::CpuLevel;
+use clap::{Args, ValueEnum};
+use relight_core::{CpuLevel, Wrap};
 use relight_formats::{OutputFile, place_of};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -29,6 +29,25 @@ pub(crate) fn check_apart<'a>(
         }
     }
     Ok(())
+}
+
+/// What lies beyond the edge of textures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum WrapChoice {
+    Clamp,
+    Repeat,
+    Mirror,
+}
+
+impl WrapChoice {
+    /// As samplers have it.
+    pub(crate) fn mode(self) -> Wrap {
+        match self {
+            Self::Clamp => Wrap::Clamp,
+            Self::Repeat => Wrap::Repeat,
+            Self::Mirror => Wrap::Mirror,
+        }
+    }
 }
 
 /// How much of the machine to use.

@@ -7,8 +7,8 @@ mod scene;
 use scene::relight;
 use std::path::Path;
 
-const SUBCOMMANDS: [&str; 9] =
-    ["bake", "render", "evaluate", "lights", "shader", "positions", "info", "verify", "preview"];
+const SUBCOMMANDS: [&str; 10] =
+    ["bake", "render", "view", "evaluate", "lights", "shader", "positions", "info", "verify", "preview"];
 
 #[test]
 fn help_names_every_subcommand_and_exit_code() {
@@ -27,6 +27,7 @@ fn every_subcommand_explains_its_options() {
             &["--output <FILE>", "--basis <NAME>", "--holdout <WHICH>", "--memory <SIZE>", "--jobs"][..],
         ),
         ("render", &["--light <X,Y,Z[,R,G,B]>", "--angles", "--lights <FILE.lp>", "--depth"]),
+        ("view", &["--view <YAW,PITCH,FOV>", "--mesh <FILE>", "--latitude", "--space", "--albedo"]),
         ("evaluate", &["<ASSET>", "<SET>", "--json", "--heatmap"]),
         ("lights", &["<SET>", "--plot"]),
         ("positions", &["--depth <FILE>", "--camera <FILE>", "--depth-kind", "--depth-channel", "--output"]),

@@ -47,8 +47,8 @@ fn every_dependency_is_in_the_table_and_every_crate_is_a_row() {
 
 #[test]
 fn only_formats_touches_files_and_only_the_program_prints() {
-    let libraries =
-        ["core", "fit", "texture", "shader", "gpu"].map(|name| format!("crates/relight-{name}/src"));
+    let libraries = ["core", "fit", "texture", "shader", "gpu", "surface"]
+        .map(|name| format!("crates/relight-{name}/src"));
     for folder in libraries.iter().map(String::as_str).chain(["cli/src"]) {
         assert_eq!(lines_with(folder, &["std::fs", "fs::"]), Vec::<String>::new());
     }

@@ -1,7 +1,8 @@
 //! From options and the planes' distributions to where every plane lies: formats, scale and bias.
 
 use crate::failure::{Exit, Failure};
-use clap::{Args, ValueEnum};
+use crate::options::WrapChoice;
+use clap::Args;
 use rayon::prelude::*;
 use relight_core::{CoefficientDistribution, CoefficientSample, CoefficientSpan, Layout, Model};
 use relight_formats::{AssetFormat, WriteSettings, plane_names};
@@ -55,13 +56,6 @@ enum BlockChoice {
     None,
     Only(BlockFormat),
     Auto,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum WrapChoice {
-    Clamp,
-    Repeat,
-    Mirror,
 }
 
 fn block_of(text: &str) -> Result<BlockChoice, String> {
@@ -236,11 +230,7 @@ impl TextureOptions {
             }
         }
         let arrays = arrays.into_iter().map(|(format, layers)| array(format, layers, &ranges)).collect();
-        let wrap = match self.wrap {
-            WrapChoice::Clamp => Wrap::Clamp,
-            WrapChoice::Repeat => Wrap::Repeat,
-            WrapChoice::Mirror => Wrap::Mirror,
-        };
+        let wrap = self.wrap.mode();
         Ok(Plan { packing: Packing { arrays, levels: self.levels(size.0, size.1), wrap }, ranges })
     }
 

@@ -27,6 +27,7 @@ mod stack;
 mod transfer;
 mod unit_values;
 pub mod weighted_sums;
+mod wrap;
 
 pub use basis::{Basis, BasisError, Design, Family};
 pub use camera::{Camera, CameraError, Projection, Ray, Seen};
@@ -40,3 +41,4 @@ pub use position_map::{DepthError, DepthKind, DepthMap, NO_SURFACE, PointKind, P
 pub use stack::{Stack, StackError, StackRows};
 pub use transfer::{LUMINANCE, linear_from_srgb, luminance, srgb_from_linear};
 pub use unit_values::unit_values_from_codes;
+pub use wrap::Wrap;

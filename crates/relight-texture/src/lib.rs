@@ -20,10 +20,11 @@ pub use choice::{Budget, Candidate, ChoiceError, choose_formats};
 pub use cost::{error_ceilings, light_energy};
 pub use pack::{Coding, Packer, Put, TexelPlace, held_bytes, span_pixels, working_bytes};
 pub use packing::{
-    ArrayPlan, LayerPlan, PackedMaps, Packing, TexelDomain, TexelFormat, Wrap, full_levels, level_size,
-    needs_rows, planes_of_layers,
+    ArrayPlan, LayerPlan, PackedMaps, Packing, TexelDomain, TexelFormat, full_levels, level_size, needs_rows,
+    planes_of_layers,
 };
 pub use positions::PositionPlan;
 pub use quantize::{Precision, Quantizer};
 pub use range::{NotFinite, RangeChoice, RangeRule, choose_range};
+pub use relight_core::Wrap;
 pub use storing::{PackReport, PlaneErrors, StoringErrors};

@@ -2,7 +2,7 @@
 //! texels become coefficients again.
 
 use crate::{BlockFormat, Precision, Quantizer};
-use relight_core::{Layout, Model};
+use relight_core::{Layout, Model, Wrap};
 
 /// How texels lie in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -29,18 +29,6 @@ pub enum TexelDomain {
     Half,
     /// Floats.
     Float,
-}
-
-/// What a sampler does beyond the edge of a picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Wrap {
-    /// The edge goes on.
-    #[default]
-    Clamp,
-    /// The picture starts again.
-    Repeat,
-    /// The picture comes back mirrored.
-    Mirror,
 }
 
 /// What the channels of a layer hold: channel c is plane `planes[c]` in the order of
