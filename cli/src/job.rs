@@ -11,7 +11,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Keys whose values are paths.
-const PATHS: [&str; 6] = ["input", "output", "report", "positions", "depth", "camera"];
+const PATHS: [&str; 7] = ["input", "output", "report", "positions", "depth", "camera", "scene"];
 
 /// Keys of which a flag of the user's replaces all others.
 const SIZES: [&str; 3] = ["k", "order", "degree"];

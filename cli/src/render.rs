@@ -1,23 +1,35 @@
 //! `relight render`: golden pictures of an asset under new lights.
 
-use crate::failure::Failure;
+mod explain;
+mod jobs;
+mod sheet;
+
+use crate::failure::{Exit, Failure};
 use crate::light_options::{light_of_angles, light_of_vector};
-use crate::options::{Machine, MachineOptions, check_apart};
-use crate::{interrupt, notes, progress};
+use crate::options::{Machine, MachineOptions, check_apart, check_writable};
+use crate::{interrupt, progress};
 use clap::{Args, ValueEnum};
-use relight_core::relighter::{DirectionalLight, Picture, relight, relight_linear};
-use relight_core::{RelightingMaps, Space};
-use relight_formats::{PictureDepth, picture_depths, read_asset, read_light_file, write_picture};
-use std::collections::HashSet;
+use jobs::Job;
+use relight_core::relighter::{DirectionalLight, Picture, relight};
+use relight_core::{PositionMap, RelightingMaps, Space};
+use relight_formats::{
+    PictureDepth, picture_depths, read_asset, read_position_file, read_positions, write_picture,
+};
+use relight_lights::{Accuracy, Lamp, Plan, Report, Settings, relight_scene};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Pixels beyond the edge of a surface that take their neighbours' positions before they are lit: those
+/// that see it in part. A second pixel is for pictures that were made smaller.
+const EDGE: usize = 2;
 
 /// What to render.
 #[derive(Args, Debug)]
 #[group(id = "render")]
 pub(crate) struct RenderArguments {
-    /// The asset: .ktx2, .exr or .ptm
+    /// The asset: .ktx2, .dds, .exr or .ptm
     asset: PathBuf,
-    /// The picture to write (.png or .exr), or with --lights the folder
+    /// The picture to write (.png or .exr), or with --lights and for a sequence the folder
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// A directional light: the vector towards it (x right, y up, z to the camera), then if
@@ -31,6 +43,25 @@ pub(crate) struct RenderArguments {
     /// Write a picture for each line of this .lp file
     #[arg(long, value_name = "FILE.lp", conflicts_with_all = ["light", "angles"])]
     lights: Option<PathBuf>,
+    /// Light it by a scene: directional, point, spot and sphere lights, environments, keyed sequences
+    #[arg(long, value_name = "SCENE.toml", conflicts_with_all = ["light", "angles", "lights"])]
+    scene: Option<PathBuf>,
+    /// Positions for local lights, instead of those that the asset holds: .exr with channels X, Y, Z
+    #[arg(long, value_name = "P.exr", requires = "scene")]
+    positions: Option<PathBuf>,
+    /// How exactly functions of light are evaluated pixel by pixel: exact, 1e-4 or 1e-3; the cheapest way
+    /// that is good enough is taken
+    #[arg(long, value_name = "ERROR", default_value = "exact", value_parser = accuracy_of)]
+    accuracy: Accuracy,
+    /// Say which passes, maps and lights run and why, which don't, and what that saved
+    #[arg(long)]
+    explain: bool,
+    /// With --explain: as JSON
+    #[arg(long, requires = "explain")]
+    json: bool,
+    /// Write all pictures of --lights or of a sequence small on one sheet, too
+    #[arg(long, value_name = "FILE.png")]
+    sheet: Option<PathBuf>,
     /// Bits of a sample: 8 (default) or 16 in .png, half (default) or float in .exr
     #[arg(long, value_name = "DEPTH", value_enum)]
     depth: Option<Depth>,
@@ -59,30 +90,76 @@ impl Depth {
     }
 }
 
+fn accuracy_of(text: &str) -> Result<Accuracy, String> {
+    Accuracy::ALL.into_iter().find(|accuracy| accuracy.name() == text).ok_or_else(|| {
+        let names: Vec<_> = Accuracy::ALL.map(Accuracy::name).to_vec();
+        format!("write {}", names.join(", "))
+    })
+}
+
+/// An asset and what is known of reading it.
+struct Loaded {
+    maps: RelightingMaps,
+    /// Seconds that reading took.
+    seconds: f64,
+    /// Read once a picture needs them.
+    positions: Option<PositionMap>,
+}
+
+/// A picture that was drawn, in the space of its file.
+struct Drawn {
+    picture: Picture,
+    plan: Plan,
+    report: Report,
+    seconds: f64,
+}
+
 /// Runs the subcommand.
 pub(crate) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
-    let lights: Vec<_> = arguments.light.iter().chain(&arguments.angles).copied().collect();
-    let jobs = match &arguments.lights {
-        Some(file) => jobs_of_file(file, &arguments.output, arguments.depth)?,
-        None if lights.is_empty() => {
-            return Err(Failure::usage("no light; give --light X,Y,Z, --angles AZ,EL or --lights FILE.lp"));
+    let jobs = jobs::jobs(arguments, &machine)?;
+    let depth = depth_for(&jobs.list[0].path, arguments.depth)?;
+    if let Some(sheet) = &arguments.sheet {
+        if jobs.folder.is_none() {
+            return Err(Failure::usage(
+                "--sheet belongs to --lights and to sequences; a single picture needs none",
+            ));
         }
-        None => vec![(arguments.output.clone(), lights)],
-    };
-    let depth = depth_for(&jobs[0].0, arguments.depth)?;
-    check_apart(jobs.iter().map(|(path, _)| path), arguments.lights.iter().chain([&arguments.asset]))?;
-    let maps = read_asset(&arguments.asset, machine.memory)?;
-    if arguments.lights.is_some() {
-        relight_formats::create_folder(&arguments.output)?;
+        if picture_depths(sheet).map_err(Failure::of_output)?[0] != PictureDepth::U8 {
+            return Err(Failure::usage(format!("{}: a sheet is a .png", sheet.display())));
+        }
     }
-    let bar = progress::bar("rendering", jobs.len());
-    for (path, lights) in &jobs {
+    let outputs = jobs.list.iter().map(|job| &job.path).chain(&arguments.sheet);
+    check_apart(outputs, jobs.inputs.iter().chain([&arguments.asset]).chain(&arguments.positions))?;
+    let start = Instant::now();
+    let maps = read_asset(&arguments.asset, machine.memory)?;
+    let mut loaded = Loaded { maps, seconds: start.elapsed().as_secs_f64(), positions: None };
+    if let Some(folder) = &jobs.folder {
+        relight_formats::create_folder(folder)?;
+    }
+    if let Some(sheet) = &arguments.sheet {
+        check_writable(sheet)?;
+    }
+    let mut thumbnails = Vec::new();
+    let mut explained = Vec::new();
+    let bar = progress::bar("rendering", jobs.list.len());
+    for job in &jobs.list {
         interrupt::check()?;
-        write_picture(path, &picture(&maps, lights, depth, &machine), depth)?;
+        let drawn = draw(arguments, job, &mut loaded, depth, &machine)?;
+        write_picture(&job.path, &drawn.picture, depth)?;
+        if arguments.sheet.is_some() {
+            thumbnails.push(sheet::thumbnail(&drawn.picture, depth.is_linear()));
+        }
+        if arguments.explain {
+            explained.push(explain::Explanation::of(job, &drawn, &loaded));
+        }
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if let Some(path) = &arguments.sheet {
+        write_picture(path, &sheet::sheet(&thumbnails), PictureDepth::U8)?;
+    }
+    explain::print(&explained, arguments.json);
     Ok(())
 }
 
@@ -99,49 +176,81 @@ fn depth_for(path: &Path, asked: Option<Depth>) -> Result<PictureDepth, Failure>
     }
 }
 
-/// A picture's path and its lights.
-type Job = (PathBuf, Vec<DirectionalLight>);
-
-/// One picture for each line of a light file, named as the line names it.
-fn jobs_of_file(file: &Path, folder: &Path, depth: Option<Depth>) -> Result<Vec<Job>, Failure> {
-    let file = read_light_file(file)?;
-    notes::print(&file.notes);
-    let extension = match depth {
-        Some(Depth::Half | Depth::Float) => "exr",
-        _ => "png",
-    };
-    let mut taken = HashSet::new();
-    let jobs = file.entries.iter().map(|entry| {
-        let base = entry.name.rsplit(['/', '\\']).next().unwrap_or("light");
-        let stem = base.rsplit_once('.').map_or(base, |(stem, _)| stem);
-        let stem = if stem.trim_matches('.').is_empty() { "light" } else { stem };
-        let mut name = format!("{stem}.{extension}");
-        let mut again = 0;
-        while !taken.insert(name.to_lowercase()) {
-            again += 1;
-            let suffix = if again == 1 { String::new() } else { format!("_{again}") };
-            name = format!("{stem}_line{}{suffix}.{extension}", entry.line);
-        }
-        (folder.join(name), vec![DirectionalLight { direction: entry.direction, color: [1.0; 3] }])
-    });
-    Ok(jobs.collect())
+/// The smallest step of linear light near black that pictures of `depth` show; floats show any.
+fn smallest_step(depth: PictureDepth) -> f64 {
+    /// Slope of the sRGB curve at black.
+    const SLOPE: f64 = 12.92;
+    match depth {
+        PictureDepth::U8 => 1.0 / (255.0 * SLOPE),
+        PictureDepth::U16 => 1.0 / (65535.0 * SLOPE),
+        PictureDepth::F16 | PictureDepth::F32 => 0.0,
+    }
 }
 
-/// The picture in the space that files of `depth` hold.
-fn picture(
-    maps: &RelightingMaps,
-    lights: &[DirectionalLight],
+/// Draws a job's scene in the space that files of `depth` hold, reading positions if it is the first that
+/// needs them.
+fn draw(
+    arguments: &RenderArguments,
+    job: &Job,
+    loaded: &mut Loaded,
     depth: PictureDepth,
     machine: &Machine,
-) -> Picture {
-    match lights {
-        // One white light on encoded values needs no way to linear light and back.
-        [light] if light.color == [1.0; 3] && !depth.is_linear() => {
-            relight(maps, light.direction, machine.level).encoded_from(maps.model.space)
-        }
-        _ => {
-            let linear = relight_linear(maps, lights, machine.level);
-            if depth.is_linear() { linear } else { linear.encoded_from(Space::Linear) }
-        }
+) -> Result<Drawn, Failure> {
+    let plan = Plan::new(&job.scene, &loaded.maps.model, arguments.accuracy);
+    if plan.reads_positions && loaded.positions.is_none() {
+        loaded.positions = Some(positions(arguments, job, &plan, &loaded.maps, machine)?);
     }
+    let start = Instant::now();
+    // One white light on encoded values needs no way to linear light and back.
+    if let ([light], [pass], false) = (&job.scene.lights[..], &plan.uniform[..], depth.is_linear())
+        && let Lamp::Directional { direction } = light.lamp
+        && (pass.color == [1.0; 3] && loaded.maps.model.space == Space::Encoded)
+        && plan.horizon.take(direction).direction == direction
+    {
+        let picture = relight(&loaded.maps, direction, machine.level);
+        let seconds = start.elapsed().as_secs_f64();
+        let report = Report { uniform_seconds: seconds, ..Report::default() };
+        return Ok(Drawn { picture, plan, report, seconds });
+    }
+    let settings = Settings { level: machine.level, step: smallest_step(depth), timed: arguments.explain };
+    let (picture, report) =
+        relight_scene(&loaded.maps, loaded.positions.as_ref(), &job.scene, &plan, &settings);
+    let seconds = start.elapsed().as_secs_f64();
+    let picture = if depth.is_linear() { picture } else { picture.encoded_from(Space::Linear) };
+    Ok(Drawn { picture, plan, report, seconds })
+}
+
+/// The positions that local lights need.
+fn positions(
+    arguments: &RenderArguments,
+    job: &Job,
+    plan: &Plan,
+    maps: &RelightingMaps,
+    machine: &Machine,
+) -> Result<PositionMap, Failure> {
+    let (path, map) = match &arguments.positions {
+        Some(path) => (path, Some(read_position_file(path, machine.memory)?)),
+        None => (&arguments.asset, read_positions(&arguments.asset, machine.memory)?),
+    };
+    let Some(mut map) = map else {
+        let light = plan.local.iter().flatten().next().map_or("", |&light| &job.scene.lights[light].name);
+        let message = format!(
+            "{}: holds no positions, which '{light}' needs; bake it with --positions or --depth, or give --positions P.exr",
+            path.display()
+        );
+        return Err(Failure::new(Exit::BadInput, message));
+    };
+    if (map.width, map.height) != (maps.width, maps.height) {
+        let message = format!(
+            "{}: has {} x {} positions where the asset has {} x {} pixels; give positions of the same view",
+            path.display(),
+            map.width,
+            map.height,
+            maps.width,
+            maps.height
+        );
+        return Err(Failure::new(Exit::BadInput, message));
+    }
+    map.fill_edges(EDGE);
+    Ok(map)
 }

@@ -201,7 +201,9 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let plan = AssetPlan { width, height, model: &model, formats: &formats, levels };
     format.check(&arguments.output, &plan, &settings).map_err(Failure::of_output)?;
 
-    let precision = arguments.positions.precision(format, &arguments.output)?;
+    let mut scene_notes = Vec::new();
+    let wanted = arguments.positions.wanted(&machine, &mut scene_notes)?;
+    let precision = arguments.positions.precision(format, &arguments.output, wanted)?;
     let positions = match precision {
         Some(precision) => stages
             .time("positions", || arguments.positions.read((width, height), machine.memory))?
@@ -250,6 +252,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         };
         arguments.textures.plan(&model, (width, height), &formats, &distributions, trial.as_ref())
     })?;
+    fit.notes.append(&mut scene_notes);
     fit.notes.extend(textures::size_note(&plan.packing, width, height));
     let header = AssetHeader { width, height, model: model.clone(), packing: plan.packing.clone() };
     let position_facts = positions.as_ref().map(positions::PositionFacts::of);

@@ -1,10 +1,11 @@
 //! Positions that a bake stores beside its planes.
 
 use crate::failure::Failure;
+use crate::options::Machine;
 use crate::positions::{DepthOptions, note, words};
 use clap::{Args, ValueEnum};
 use relight_core::PositionMap;
-use relight_formats::{AssetFormat, AssetPositions, FormatError, read_position_file};
+use relight_formats::{AssetFormat, AssetPositions, FormatError, read_position_file, read_scene};
 use relight_texture::{PositionPlan, Precision};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -22,6 +23,9 @@ pub(super) struct PositionOptions {
     /// How positions are stored: half (relative to their box; default) or float (default in .exr)
     #[arg(long, value_name = "PRECISION", value_enum)]
     positions_precision: Option<PrecisionChoice>,
+    /// Store only what this scene needs: positions if it has local lights
+    #[arg(long, value_name = "SCENE.toml")]
+    scene: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -33,26 +37,55 @@ enum PrecisionChoice {
 impl PositionOptions {
     /// The files that are read.
     pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.positions.iter().chain(self.source.files()).chain(&self.scene)
+    }
+
+    /// The files that positions are made from.
+    fn sources(&self) -> impl Iterator<Item = &PathBuf> {
         self.positions.iter().chain(self.source.files())
+    }
+
+    /// Whether positions are to be stored, with a note where the scene leaves them out.
+    ///
+    /// # Errors
+    /// As of [`read_scene`]; exit code 2 where the scene needs positions and none are given.
+    pub(super) fn wanted(&self, machine: &Machine, notes: &mut Vec<String>) -> Result<bool, Failure> {
+        let given = self.sources().next().is_some();
+        let Some(path) = &self.scene else { return Ok(given) };
+        let local = read_scene(path, machine.level, machine.memory)?.has_local_lights();
+        if local && !given {
+            let message = format!(
+                "{}: has local lights, which need positions; give --positions P.exr, or --depth and --camera",
+                path.display()
+            );
+            return Err(Failure::usage(message));
+        }
+        if given && !local {
+            notes.push(format!("{}: no light is local, so positions are not stored", path.display()));
+        }
+        Ok(local)
     }
 
     /// How positions are to be stored in `output`; `None` where there are none.
     ///
     /// # Errors
-    /// Exit code 2 where `output` can't hold them.
+    /// Exit code 2 where `output` can't hold them. Without `wanted` there are none.
     pub(super) fn precision(
         &self,
         format: &AssetFormat,
         output: &Path,
+        wanted: bool,
     ) -> Result<Option<Precision>, Failure> {
         let asked = self.positions_precision.map(|choice| match choice {
             PrecisionChoice::Half => Precision::F16,
             PrecisionChoice::Float => Precision::F32,
         });
-        if self.files().next().is_none() {
+        if !wanted {
             return match asked {
-                None => Ok(None),
-                Some(_) => Err(Failure::usage("--positions-precision belongs to --positions or --depth")),
+                Some(_) if self.sources().next().is_none() => {
+                    Err(Failure::usage("--positions-precision belongs to --positions or --depth"))
+                }
+                _ => Ok(None),
             };
         }
         let precision = asked.or(format.positions.first().copied()).unwrap_or(Precision::F16);
@@ -70,7 +103,7 @@ impl PositionOptions {
             Some(path) => Some(read_position_file(path, memory)?),
             None => self.source.read(memory)?,
         };
-        if let (Some(map), Some(path)) = (&map, self.files().next())
+        if let (Some(map), Some(path)) = (&map, self.sources().next())
             && (map.width, map.height) != (width, height)
         {
             let problem = format!(

@@ -153,6 +153,32 @@ impl PositionMap {
         counts
     }
 
+    /// Gives pixels without a surface that lie within `radius` pixels of one the mean of the nearest surface
+    /// points around them: at an edge a camera sees partly surface and partly nothing, and the part that it sees is
+    /// lit as its neighbours are.
+    pub fn fill_edges(&mut self, radius: usize) {
+        for _ in 0..radius {
+            let before = self.points.clone();
+            let (width, height) = (self.width, self.height);
+            for (i, point) in self.points.iter_mut().enumerate().filter(|(_, point)| point[0].is_nan()) {
+                let (x, y) = (i % width, i / width);
+                let (mut sum, mut count) = ([0.0f64; 3], 0.0);
+                for ny in y.saturating_sub(1)..(y + 2).min(height) {
+                    for nx in x.saturating_sub(1)..(x + 2).min(width) {
+                        let neighbour = before[ny * width + nx].map(f64::from);
+                        if neighbour.iter().all(|c| c.abs() < SKY / 1e3) {
+                            count += 1.0;
+                            (0..3).for_each(|axis| sum[axis] += neighbour[axis]);
+                        }
+                    }
+                }
+                if count > 0.0 {
+                    *point = sum.map(|c| (c / count) as f32);
+                }
+            }
+        }
+    }
+
     /// The smallest box that holds all points that are neither sky nor missing, (least, largest) by axis;
     /// `None` where there are none.
     pub fn bounds(&self) -> Option<([f32; 3], [f32; 3])> {

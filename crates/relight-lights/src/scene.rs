@@ -207,14 +207,19 @@ impl Light {
                 fail("its number of samples", *samples as f64, "1 to 1024")
             }
             Lamp::Spot(spot) if !(0.0..=std::f64::consts::PI).contains(&spot.cone) => {
-                fail("its cone in degrees", spot.cone.to_degrees(), "0 to 180 from the axis")
+                fail("its cone in degrees", degrees(spot.cone), "0 to 180 from the axis")
             }
             Lamp::Spot(spot) if !(0.0..=spot.cone).contains(&spot.beam) => {
-                fail("its beam in degrees", spot.beam.to_degrees(), "0 up to its cone")
+                fail("its beam in degrees", degrees(spot.beam), "0 up to its cone")
             }
             _ => Ok(()),
         }
     }
+}
+
+/// An angle for people: without the digits that the way to radians and back adds.
+fn degrees(angle: f64) -> f64 {
+    (angle.to_degrees() * 1e9).round() / 1e9
 }
 
 impl Attenuation {
