@@ -38,7 +38,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Fit pictures under known lights and write a relightable asset
-    Bake(bake::BakeArguments),
+    Bake(Box<bake::BakeArguments>),
     /// Light an asset anew and write pictures
     Render(render::RenderArguments),
     /// Compare an asset with photographs, light by light
