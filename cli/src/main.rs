@@ -40,7 +40,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Fit pictures under known lights and write a relightable asset
-    Bake(bake::BakeArguments),
+    Bake(Box<bake::BakeArguments>),
     /// Light an asset anew and write pictures
     Render(render::RenderArguments),
     /// Look into a relit panorama, or at a mesh with a relit texture

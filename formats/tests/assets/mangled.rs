@@ -143,7 +143,8 @@ fn mangled_cameras_depths_and_positions_are_errors_or_results_within_the_memory_
     fs::write(path("camera.json"), fs::read(camera).unwrap()).unwrap();
     let toml = "kind = 'ortho'\nwidth = 3\nheight = 2\nwidth_units = 5\neye = [1, 2, 3]\nup = [0, 0.6, 0.8]\n\
         forward = [0, 0.8, -0.6]\nv = 'eye_to_scene'\n";
-    fs::write(path("camera.toml"), toml).unwrap();
+    // A comment, in which some damage is harmless.
+    fs::write(path("camera.toml"), format!("{toml}# {}", "by hand ".repeat(60))).unwrap();
     for name in ["depth.exr", "p.exr", "camera.json", "camera.toml"] {
         let whole = fs::read(path(name)).unwrap();
         let (mut random, mut results, rounds) = (SplitMix(11), 0, 400);
