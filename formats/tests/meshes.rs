@@ -367,7 +367,7 @@ fn mangled_meshes_are_errors_or_results_within_the_memory_limit() {
             fs::write(&path, &bytes).unwrap();
             read += usize::from(read_mesh(&path, LIMIT).is_ok());
         }
-        assert!((50..1450).contains(&read), "{read} of 1500 were read");
+        assert!((20..1450).contains(&read), "{read} of 1500 were read");
         let largest = LARGEST.get() as u64;
         assert!(largest <= LIMIT, "{largest} bytes were asked for at once");
     }
