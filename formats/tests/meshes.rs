@@ -6,22 +6,24 @@ use relight_formats::{FormatError, read_mesh};
 use relight_surface::Mesh;
 use serde_json::{Value, json};
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
 use std::fs;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 const LIMIT: u64 = 1 << 20;
 
-/// Remembers the largest single request for memory, so that one sized by a damaged number shows.
+/// Remembers the largest single request for memory of each test, so that one sized by a damaged number shows.
 struct Watched;
-static LARGEST: AtomicUsize = AtomicUsize::new(0);
+thread_local! {
+    static LARGEST: Cell<usize> = const { Cell::new(0) };
+}
 #[global_allocator]
 static ALLOCATOR: Watched = Watched;
 
 // SAFETY: all work is the system allocator's.
 unsafe impl GlobalAlloc for Watched {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        LARGEST.fetch_max(layout.size(), Ordering::Relaxed);
+        LARGEST.set(LARGEST.get().max(layout.size()));
         // SAFETY: as the caller promises.
         unsafe { System.alloc(layout) }
     }
@@ -230,7 +232,9 @@ fn strips_fans_sparse_and_small_integers_are_read_and_lines_are_not() {
     let found = corners(&changed.unwrap());
     assert_eq!(found[2].0, [7.0, 8.0, 9.0]);
     assert_eq!(found[1].0, POSITIONS[1]);
-    assert_eq!([found[0].1, found[1].1, found[2].1], [[0.0, 1.0], [0.2, 0.4], [0.6, 0.8]]);
+    for (found, expected) in found.iter().zip([[0.0, 1.0], [0.2, 0.4], [0.6, 0.8]]) {
+        assert!((0..2).all(|i| (found.1[i] - expected[i]).abs() < 1e-6), "{found:?}");
+    }
 }
 
 #[test]
@@ -288,7 +292,12 @@ fn numbers_that_lie_are_refused() {
     assert_refused(read_changed(|d, _| d["accessors"][1]["type"] = json!("VEC3")), "another shape");
     assert_refused(read_changed(|d, _| d["accessors"][0]["componentType"] = json!(5123)), "damaged glTF");
     assert_refused(read_changed(|_, buffer| buffer[114] = 4), "names vertex 4 of 4");
-    assert_refused(read_changed(|_, buffer| buffer[3] = 0xff), "damaged glTF");
+    let nan = read_changed(|_, buffer| buffer[..4].copy_from_slice(&f32::NAN.to_le_bytes()));
+    assert_refused(nan, "positions of vertex 0");
+    assert_refused(
+        read_changed(|d, _| d["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(4)),
+        "damaged glTF",
+    );
     let circle = read_changed(|d, _| d["nodes"] = json!([{"mesh": 0, "children": [1]}, {"children": [0]}]));
     assert_refused(circle, "no tree");
     let twice = read_changed(|d, _| d["nodes"] = json!([{"children": [1, 1]}, {"mesh": 0}]));
@@ -339,7 +348,7 @@ fn mangled_meshes_are_errors_or_results_within_the_memory_limit() {
     };
     for whole in [binary, document.to_string().into_bytes(), obj.to_vec()] {
         let mut read = 0;
-        LARGEST.store(0, Ordering::Relaxed);
+        LARGEST.set(0);
         for round in 0..1500 {
             let mut bytes = whole.clone();
             if round % 5 == 0 {
@@ -358,8 +367,8 @@ fn mangled_meshes_are_errors_or_results_within_the_memory_limit() {
             fs::write(&path, &bytes).unwrap();
             read += usize::from(read_mesh(&path, LIMIT).is_ok());
         }
-        assert!((50..1450).contains(&read), "{read} of 1500 were read");
-        let largest = LARGEST.load(Ordering::Relaxed) as u64;
+        assert!((20..1450).contains(&read), "{read} of 1500 were read");
+        let largest = LARGEST.get() as u64;
         assert!(largest <= LIMIT, "{largest} bytes were asked for at once");
     }
 }

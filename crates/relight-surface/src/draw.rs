@@ -27,12 +27,14 @@ impl Default for DrawSettings {
     }
 }
 
-/// The picture of `mesh`, R, G, B: `shade` gives the linear light of what a sample sees.
-pub(crate) fn drawn(
+/// The picture of `mesh`, R, G, B: `shade` gives the linear light of what a sample sees, with the `scratch` of
+/// its thread.
+pub(crate) fn drawn<S>(
     mesh: &Mesh,
     camera: &Camera,
     settings: &DrawSettings,
-    shade: impl Fn(&Fragment) -> [f32; 3] + Sync,
+    scratch: impl Fn() -> S + Sync + Send,
+    shade: impl Fn(&Fragment, &mut S) -> [f32; 3] + Sync + Send,
 ) -> Result<Picture, SurfaceError> {
     let samples = settings.supersampling;
     if !(1..=MOST_SAMPLES).contains(&samples) {
@@ -42,13 +44,13 @@ pub(crate) fn drawn(
     let fine = Camera { width: width * samples, height: height * samples, ..*camera };
     let seen = rasterize(mesh, &fine)?;
     let mut picture = vec![0.0f32; width * height * 3];
-    picture.par_chunks_mut(width * 3).enumerate().for_each(|(y, row)| {
+    picture.par_chunks_mut(width * 3).enumerate().for_each_init(scratch, |scratch, (y, row)| {
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
             for j in 0..samples {
                 let first = (y * samples + j) * fine.width + x * samples;
                 for fragment in &seen.fragments[first..first + samples] {
                     let is_mesh = fragment.triangle != Fragment::NOTHING;
-                    let color = if is_mesh { shade(fragment) } else { settings.background };
+                    let color = if is_mesh { shade(fragment, scratch) } else { settings.background };
                     for (sum, value) in pixel.iter_mut().zip(color) {
                         *sum += value;
                     }

@@ -39,17 +39,23 @@ pub fn draw_lightmapped(
         Albedo::Constant(_) => lightmap_coordinates,
         Albedo::Texture(_) => mesh.texture_coordinates()?,
     };
-    drawn(mesh, camera, settings, |fragment| {
-        let corners = mesh.triangles[fragment.triangle as usize];
-        let read = |picture: &Picture, wrap, coordinates| {
-            let place = interpolated(coordinates, corners, fragment);
-            color_at(picture, &bilinear_taps(picture.width, picture.height, wrap, place))
-        };
-        let light = read(relit, Wrap::Clamp, lightmap_coordinates);
-        let own = match albedo {
-            Albedo::Constant(color) => color,
-            Albedo::Texture(picture) => read(picture, settings.wrap, texture_coordinates),
-        };
-        [0, 1, 2].map(|c| light[c] * own[c])
-    })
+    drawn(
+        mesh,
+        camera,
+        settings,
+        || (),
+        |fragment, ()| {
+            let corners = mesh.triangles[fragment.triangle as usize];
+            let read = |picture: &Picture, wrap, coordinates| {
+                let place = interpolated(coordinates, corners, fragment);
+                color_at(picture, &bilinear_taps(picture.width, picture.height, wrap, place))
+            };
+            let light = read(relit, Wrap::Clamp, lightmap_coordinates);
+            let own = match albedo {
+                Albedo::Constant(color) => color,
+                Albedo::Texture(picture) => read(picture, settings.wrap, texture_coordinates),
+            };
+            [0, 1, 2].map(|c| light[c] * own[c])
+        },
+    )
 }

@@ -1,7 +1,7 @@
 //! Perspective pictures out of panoramas.
 
 use crate::panorama_lookup::{Kernel, color_at};
-use crate::vectors::{difference, length};
+use crate::vectors::{cross, dot, length, scaled};
 use rayon::prelude::*;
 use relight_core::relighter::Picture;
 use relight_core::{Camera, CameraError, Projection};
@@ -116,7 +116,7 @@ pub fn view_of_panorama(panorama: &Picture, view: &PanoramaView) -> Result<Pictu
         panorama.width * panorama.height * channels,
         "samples of the panorama"
     );
-    let camera = view.camera()?;
+    let directions = Directions::new(view, &view.camera()?);
     let projection = Projection::Equirectangular { latitude: view.latitude };
     let panorama = Panorama {
         picture: panorama,
@@ -128,11 +128,11 @@ pub fn view_of_panorama(panorama: &Picture, view: &PanoramaView) -> Result<Pictu
     let mut samples = vec![0.0f32; view.width * view.height * channels];
     samples.par_chunks_mut(view.width * channels).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_exact_mut(channels).enumerate() {
-            let corner = (x as f64, y as f64);
+            let (x, y) = (x as f64, y as f64);
             let color = match view.filter {
-                Filter::Bilinear => panorama.color(Kernel::Linear, middle(&camera, corner)),
-                Filter::Bicubic => panorama.color(Kernel::CatmullRom, middle(&camera, corner)),
-                Filter::Area => mean_over_pixel(&panorama, &camera, density, corner),
+                Filter::Bilinear => panorama.color(Kernel::Linear, directions.at(x + 0.5, y + 0.5)),
+                Filter::Bicubic => panorama.color(Kernel::CatmullRom, directions.at(x + 0.5, y + 0.5)),
+                Filter::Area => mean_over_pixel(&panorama, &directions, density, (x, y)),
             };
             for (sample, value) in pixel.iter_mut().zip(color) {
                 *sample = value as f32;
@@ -142,27 +142,48 @@ pub fn view_of_panorama(panorama: &Picture, view: &PanoramaView) -> Result<Pictu
     Ok(Picture { width: view.width, height: view.height, channels, samples })
 }
 
-fn middle(camera: &Camera, (x, y): (f64, f64)) -> [f64; 3] {
-    camera.ray(x + 0.5, y + 0.5).direction
+/// Directions of a view: linear in the place where their length does not matter, which saves a tangent each.
+struct Directions {
+    corner: [f64; 3],
+    right: [f64; 3],
+    down: [f64; 3],
+}
+
+impl Directions {
+    fn new(view: &PanoramaView, camera: &Camera) -> Self {
+        let pixel = 2.0 * libm::tan(0.5 * view.fov_x) / view.width as f64;
+        let (right, down) = (scaled(camera.right, pixel), scaled(camera.up, -pixel));
+        let (columns, rows) = (0.5 * view.width as f64, 0.5 * view.height as f64);
+        let corner = [0, 1, 2].map(|i| camera.forward[i] - columns * right[i] - rows * down[i]);
+        Self { corner, right, down }
+    }
+
+    /// What is seen at (x, y) in pixels from the upper left corner, of any length.
+    fn at(&self, x: f64, y: f64) -> [f64; 3] {
+        [0, 1, 2].map(|i| self.corner[i] + x * self.right[i] + y * self.down[i])
+    }
 }
 
 /// The mean of bilinear values on an even grid over the pixel whose upper left corner is given, at least one
 /// for each pixel of the panorama along its sides.
-fn mean_over_pixel(panorama: &Panorama<'_>, camera: &Camera, density: f64, (x, y): (f64, f64)) -> [f64; 3] {
-    let needed = |from: (f64, f64), to: (f64, f64)| {
-        let chord =
-            length(difference(camera.ray(from.0, from.1).direction, camera.ray(to.0, to.1).direction));
-        let pixels = 2.0 * libm::asin((0.5 * chord).min(1.0)) * density;
+fn mean_over_pixel(
+    panorama: &Panorama<'_>,
+    directions: &Directions,
+    density: f64,
+    (x, y): (f64, f64),
+) -> [f64; 3] {
+    let needed = |from: [f64; 3], to: [f64; 3]| {
+        let pixels = libm::atan2(length(cross(from, to)), dot(from, to)) * density;
         // The slack keeps a view at the panorama's own scale from being sampled twice.
         (pixels - 1e-6).ceil().max(1.0)
     };
-    let across = needed((x, y + 0.5), (x + 1.0, y + 0.5));
-    let down = needed((x + 0.5, y), (x + 0.5, y + 1.0));
+    let across = needed(directions.at(x, y + 0.5), directions.at(x + 1.0, y + 0.5));
+    let down = needed(directions.at(x + 0.5, y), directions.at(x + 0.5, y + 1.0));
     let mut sum = [0.0; 3];
     for j in 0..down as usize {
         for i in 0..across as usize {
-            let ray = camera.ray(x + (i as f64 + 0.5) / across, y + (j as f64 + 0.5) / down);
-            let color = panorama.color(Kernel::Linear, ray.direction);
+            let direction = directions.at(x + (i as f64 + 0.5) / across, y + (j as f64 + 0.5) / down);
+            let color = panorama.color(Kernel::Linear, direction);
             for (sum, value) in sum.iter_mut().zip(color) {
                 *sum += value;
             }

@@ -6,7 +6,9 @@ use crate::texture_lookup::{Taps, bilinear_taps};
 use crate::vectors::{cross, difference, dot, length, scaled, wide};
 use crate::{DrawSettings, Mesh, SurfaceError, TangentFrame};
 use relight_core::relighter::{DirectionalLight, Picture};
-use relight_core::{Camera, Direction, PlaneRole, Projection, RelightingMaps, Space, linear_from_srgb};
+use relight_core::{
+    Camera, Direction, PlaneRole, Projection, RelightingMap, RelightingMaps, Space, Texels, linear_from_srgb,
+};
 
 /// How far below the horizon light reaches, as the sine of that angle.
 pub const DROP_OFF: f64 = 0.1;
@@ -65,20 +67,24 @@ pub fn draw_tangent_space(
         }
     }
     let roles = maps.model.roles();
-    drawn(mesh, camera, settings, |fragment| {
+    let scratch =
+        || Scratch { coefficients: vec![0.0; roles.len()], functions: vec![0.0; maps.model.basis.count()] };
+    drawn(mesh, camera, settings, scratch, |fragment, scratch| {
         let corners = mesh.triangles[fragment.triangle as usize];
         let point = interpolated(&mesh.positions, corners, fragment);
         let frame = frame_at(mesh, camera, corners, fragment, point);
         let place = interpolated(coordinates, corners, fragment);
         let taps = bilinear_taps(maps.width, maps.height, settings.wrap, place);
-        let coefficients: Vec<f32> = (0..roles.len()).map(|plane| coefficient(maps, plane, &taps)).collect();
+        for (coefficient, plane) in scratch.coefficients.iter_mut().zip(&maps.planes) {
+            *coefficient = coefficient_between(plane, &taps);
+        }
         let mut total = [0.0; 3];
         for light in lights {
             let Some((direction, color)) = incident(light, point) else { continue };
             let local = frame.coordinates(direction);
             let remaining = drop_off(local[2]) as f32;
             let Some(above) = above_horizon(local).filter(|_| remaining > 0.0) else { continue };
-            let relit = relit(maps, &roles, &coefficients, above);
+            let relit = relit(maps, &roles, scratch, above);
             for channel in 0..3 {
                 total[channel] += color[channel] * remaining * relit[channel];
             }
@@ -132,23 +138,37 @@ fn above_horizon([x, y, z]: [f64; 3]) -> Option<Direction> {
     Direction::new(x, y, z.max(0.0)).ok()
 }
 
-/// A plane's coefficient between its texels.
-fn coefficient(maps: &RelightingMaps, plane: usize, taps: &Taps) -> f32 {
-    let mut sum = 0.0;
-    for (&texel, weight) in taps.texels.iter().zip(taps.weights) {
-        let mut value = [0.0];
-        maps.planes[plane].coefficients(texel, &mut value);
-        sum += weight * value[0];
-    }
-    sum
+/// What a sample needs of its own: a value a plane, and one a function of light.
+struct Scratch {
+    coefficients: Vec<f32>,
+    functions: Vec<f64>,
+}
+
+/// A plane's coefficient between its texels: codes are blended and then scaled, as samplers do it.
+fn coefficient_between(plane: &RelightingMap, taps: &Taps) -> f32 {
+    let blended = |code: &dyn Fn(usize) -> f32| {
+        let value = |tap: usize| taps.weights[tap] * code(taps.texels[tap]);
+        value(0) + value(1) + value(2) + value(3)
+    };
+    let blended = match &plane.texels {
+        Texels::U8(codes) => blended(&|texel| f32::from(codes[texel])) / 255.0,
+        Texels::F16(codes) => blended(&|texel| codes[texel].to_f32()),
+        Texels::F32(codes) => blended(&|texel| codes[texel]),
+    };
+    plane.scale * blended + plane.bias
 }
 
 /// R, G, B in linear light under a light of `direction`; grey maps have the same in all.
-fn relit(maps: &RelightingMaps, roles: &[PlaneRole], coefficients: &[f32], direction: Direction) -> [f32; 3] {
-    let mut functions = vec![0.0; maps.model.basis.count()];
-    maps.model.basis.evaluate(direction, &mut functions);
+fn relit(
+    maps: &RelightingMaps,
+    roles: &[PlaneRole],
+    scratch: &mut Scratch,
+    direction: Direction,
+) -> [f32; 3] {
+    let Scratch { coefficients, functions } = scratch;
+    maps.model.basis.evaluate(direction, functions);
     let (mut sums, mut factors) = ([0.0f32; 3], [1.0f32; 3]);
-    for (role, &coefficient) in roles.iter().zip(coefficients) {
+    for (role, &coefficient) in roles.iter().zip(coefficients.iter()) {
         match *role {
             PlaneRole::Coefficient { functions: by_channel } => {
                 for (sum, function) in sums.iter_mut().zip(by_channel) {

@@ -24,7 +24,7 @@ const AS_IT_IS: Placement =
 pub(super) fn read(bytes: &[u8], path: &Path, memory_limit: u64) -> Result<Vec<Mesh>, FormatError> {
     // A number of the document's text becomes a value of some tens of bytes.
     check_memory((bytes.len() as u64).saturating_mul(2), memory_limit, path)?;
-    let Gltf { document, blob } = Gltf::from_slice(bytes).map_err(|error| of_gltf(path, &error))?;
+    let Gltf { document, blob } = checked(bytes).map_err(|error| of_gltf(path, &error))?;
     let version = &document.as_json().asset.version;
     if !version.starts_with("2.") {
         let version: String = version.chars().take(20).collect();
@@ -40,6 +40,18 @@ pub(super) fn read(bytes: &[u8], path: &Path, memory_limit: u64) -> Result<Vec<M
         }
     }
     Ok(parts)
+}
+
+/// The document, checked by the crate. It looks at the bounds of positions before it knows that they exist, so
+/// those that don't lead nowhere from here on.
+fn checked(bytes: &[u8]) -> Result<Gltf, gltf::Error> {
+    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes)?;
+    let mut root = document.into_json();
+    let accessors = root.accessors.len();
+    for primitive in root.meshes.iter_mut().flat_map(|mesh| &mut mesh.primitives) {
+        primitive.attributes.retain(|_, accessor| accessor.value() < accessors);
+    }
+    Ok(Gltf { document: Document::from_json(root)?, blob })
 }
 
 fn of_gltf(path: &Path, error: &gltf::Error) -> FormatError {

@@ -115,7 +115,8 @@ fn a_view_across_the_seam_is_that_of_the_turned_panorama() {
         pixel.copy_from_slice(&panorama.samples[3 * from..3 * from + 3]);
     }
     for filter in FILTERS {
-        for pitch in [0.0, -75.0, 90.0] {
+        // Noise has no one value at the pole itself.
+        for pitch in [0.0, -75.0, 88.0] {
             let across = view_of_panorama(&panorama, &view(180.0, pitch, 60.0, filter)).unwrap();
             let beside = view_of_panorama(&turned, &view(90.0, pitch, 60.0, filter)).unwrap();
             let differences = across.samples.iter().zip(&beside.samples).map(|(a, b)| (a - b).abs());
