@@ -298,4 +298,28 @@ mod tests {
         let z = PositionMap::from_depth(&panorama, &depth, DepthKind::Z);
         assert_eq!(z, Err(DepthError::ZOfPanorama));
     }
+
+    #[test]
+    fn pixels_at_an_edge_take_their_neighbours_place() {
+        // A surface in the two columns at the left, sky at the right, nothing between.
+        let point = |i: usize| match i % 8 {
+            x @ 0..2 => [x as f32, (i / 8) as f32, 5.0],
+            7 => [SKY as f32, 0.0, 0.0],
+            _ => NO_SURFACE,
+        };
+        let mut map = PositionMap { width: 8, height: 3, points: (0..24).map(point).collect() };
+        let before = map.clone();
+        map.fill_edges(2);
+        for (i, (after, before)) in map.points.iter().zip(&before.points).enumerate() {
+            match i % 8 {
+                2 | 3 => {
+                    assert_eq!((after[0], after[2]), (1.0, 5.0), "pixel {i}");
+                    // Of rows at the border the mean is theirs and their neighbour's.
+                    assert!((after[1] - (i / 8) as f32).abs() <= 0.75, "pixel {i}: {after:?}");
+                }
+                4..7 => assert!(after[0].is_nan(), "the sky and what is far off lend nothing"),
+                _ => assert_eq!(after, before),
+            }
+        }
+    }
 }
