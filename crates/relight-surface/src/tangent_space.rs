@@ -146,16 +146,17 @@ struct Scratch {
 
 /// A plane's coefficient between its texels: codes are blended and then scaled, as samplers do it.
 fn coefficient_between(plane: &RelightingMap, taps: &Taps) -> f32 {
-    let blended = |code: &dyn Fn(usize) -> f32| {
-        let value = |tap: usize| taps.weights[tap] * code(taps.texels[tap]);
-        value(0) + value(1) + value(2) + value(3)
-    };
     let blended = match &plane.texels {
-        Texels::U8(codes) => blended(&|texel| f32::from(codes[texel])) / 255.0,
-        Texels::F16(codes) => blended(&|texel| codes[texel].to_f32()),
-        Texels::F32(codes) => blended(&|texel| codes[texel]),
+        Texels::U8(codes) => blended(taps, |texel| f32::from(codes[texel])) / 255.0,
+        Texels::F16(codes) => blended(taps, |texel| codes[texel].to_f32()),
+        Texels::F32(codes) => blended(taps, |texel| codes[texel]),
     };
     plane.scale * blended + plane.bias
+}
+
+fn blended(taps: &Taps, code: impl Fn(usize) -> f32) -> f32 {
+    let value = |tap: usize| taps.weights[tap] * code(taps.texels[tap]);
+    value(0) + value(1) + value(2) + value(3)
 }
 
 /// R, G, B in linear light under a light of `direction`; grey maps have the same in all.
