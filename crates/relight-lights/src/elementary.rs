@@ -1,6 +1,26 @@
 //! Elementary functions in f32 that are loops' bodies: no branch, no table, no library call, so that a loop
 //! over them becomes vector instructions, with the same bits at every CPU level.
 
+/// Values that go through a function together. One operation on all of them, then the next: so many
+/// independent chains keep the vector units busy, where one after another each operation would wait for the one
+/// before.
+pub(crate) const LANES: usize = 64;
+
+/// [`LANES`] values.
+pub(crate) type Lanes = [f32; LANES];
+
+/// `expression` for each lane `i`.
+macro_rules! lanes {
+    (|$i:ident| $expression:expr) => {{
+        let mut out = [0.0f32; LANES];
+        for $i in 0..LANES {
+            out[$i] = $expression;
+        }
+        out
+    }};
+}
+pub(crate) use lanes;
+
 /// 1.5 x 2^23: adding it rounds to the nearest integer, which then stands in the low bits.
 const INTEGERS: f32 = 12_582_912.0;
 
@@ -8,51 +28,52 @@ const INTEGERS: f32 = 12_582_912.0;
 ///
 /// Source: Cephes, `expf`: r = x - n ln 2 in two parts, a polynomial of degree 5 beyond 1 + r.
 #[inline(always)]
-pub(crate) fn exp(x: f32) -> f32 {
-    let x = x.max(-87.0);
-    let shifted = x * std::f32::consts::LOG2_E + INTEGERS;
-    let n = shifted - INTEGERS;
-    let r = (x - n * 0.693_359_4) - n * -2.121_944_4e-4;
-    let p = 1.987_569_2e-4;
-    let p = p * r + 1.398_2e-3;
-    let p = p * r + 8.333_452e-3;
-    let p = p * r + 4.166_579_6e-2;
-    let p = p * r + 1.666_666_5e-1;
-    let p = p * r + 0.5;
-    (p * (r * r) + r + 1.0) * power_of_two(shifted)
+pub(crate) fn exp(x: &Lanes) -> Lanes {
+    let x = lanes!(|i| x[i].max(-87.0));
+    let shifted = lanes!(|i| x[i] * std::f32::consts::LOG2_E + INTEGERS);
+    let n = lanes!(|i| shifted[i] - INTEGERS);
+    let r = lanes!(|i| x[i] - n[i] * 0.693_359_4);
+    let r = lanes!(|i| r[i] - n[i] * -2.121_944_4e-4);
+    let p = lanes!(|i| 1.987_569_2e-4 * r[i] + 1.398_2e-3);
+    let p = lanes!(|i| p[i] * r[i] + 8.333_452e-3);
+    let p = lanes!(|i| p[i] * r[i] + 4.166_579_6e-2);
+    let p = lanes!(|i| p[i] * r[i] + 1.666_666_5e-1);
+    let p = lanes!(|i| p[i] * r[i] + 0.5);
+    let p = lanes!(|i| p[i] * (r[i] * r[i]) + r[i] + 1.0);
+    lanes!(|i| p[i] * power_of_two(shifted[i]))
 }
 
-/// The same within 8e-5 relatively, by a polynomial of degree 3.
+/// 2^x for x from -125 to 0 (below, 2^-125), within 8e-5 relatively, by a polynomial of degree 3.
 ///
-/// Source: coefficients least in relative error over |r| <= ln 2 / 2 (Lawson's iteration).
+/// Source: coefficients least in relative error over |r| <= 1/2 (Lawson's iteration).
 #[inline(always)]
-pub(crate) fn coarse_exp(x: f32) -> f32 {
-    let (r, shifted) = reduced(x);
-    let p = 0.165_668_41;
-    let p = p * r + 0.504_963_4;
-    let p = p * r + 1.000_164_2;
-    (p * r + 0.999_928_1) * power_of_two(shifted)
+pub(crate) fn coarse_exp2(x: &Lanes) -> Lanes {
+    let (r, shifted) = fraction(x);
+    let p = lanes!(|i| 0.055_171_683 * r[i] + 0.242_611_15);
+    let p = lanes!(|i| p[i] * r[i] + 0.693_260_97);
+    let p = lanes!(|i| p[i] * r[i] + 0.999_928_06);
+    lanes!(|i| p[i] * power_of_two(shifted[i]))
 }
 
-/// The same within 7e-6 relatively, by a polynomial of degree 4.
+/// The same within 4e-6 relatively, by a polynomial of degree 4.
 ///
-/// Source: as for [`coarse_exp`].
+/// Source: as for [`coarse_exp2`].
 #[inline(always)]
-pub(crate) fn fine_exp(x: f32) -> f32 {
-    let (r, shifted) = reduced(x);
-    let p = 0.041_458_614;
-    let p = p * r + 0.167_909_09;
-    let p = p * r + 0.500_043_6;
-    let p = p * r + 0.999_963_4;
-    (p * r + 0.999_999_3) * power_of_two(shifted)
+pub(crate) fn fine_exp2(x: &Lanes) -> Lanes {
+    let (r, shifted) = fraction(x);
+    let p = lanes!(|i| 0.009_570_103 * r[i] + 0.055_917_863);
+    let p = lanes!(|i| p[i] * r[i] + 0.240_247_44);
+    let p = lanes!(|i| p[i] * r[i] + 0.693_121_8);
+    let p = lanes!(|i| p[i] * r[i] + 0.999_999_3);
+    lanes!(|i| p[i] * power_of_two(shifted[i]))
 }
 
-/// x = r + n ln 2, and n + [`INTEGERS`].
+/// x = r + n, and n + [`INTEGERS`].
 #[inline(always)]
-fn reduced(x: f32) -> (f32, f32) {
-    let x = x.max(-87.0);
-    let shifted = x * std::f32::consts::LOG2_E + INTEGERS;
-    (x - (shifted - INTEGERS) * std::f32::consts::LN_2, shifted)
+fn fraction(x: &Lanes) -> (Lanes, Lanes) {
+    let x = lanes!(|i| x[i].max(-125.0));
+    let shifted = lanes!(|i| x[i] + INTEGERS);
+    (lanes!(|i| x[i] - (shifted[i] - INTEGERS)), shifted)
 }
 
 /// 2^n from n + [`INTEGERS`], for n from -126 to 127.
@@ -66,47 +87,37 @@ fn power_of_two(shifted: f32) -> f32 {
 /// Where it is small it is 4 times the sine's, without the cancellation of 1 - cosine.
 /// Source: coefficients of asin(sqrt(z)) / sqrt(z) of least error over z <= 1/2, 1.6e-8 (Lawson's iteration).
 #[inline(always)]
-pub(crate) fn squared_angle(sine2: f32, cosine2: f32) -> f32 {
-    let far = sine2 > cosine2;
-    let z = if far { cosine2 } else { sine2 };
-    let p = 0.112_059_72;
-    let p = p * z - 0.093_916_625;
-    let p = p * z + 0.077_858_42;
-    let p = p * z + 0.016_091_293;
-    let p = p * z + 0.046_552_967;
-    let p = p * z + 0.074_880_87;
-    let p = p * z + 0.166_669_16;
+pub(crate) fn squared_angle(sine2: &Lanes, cosine2: &Lanes) -> Lanes {
+    let z = lanes!(|i| if sine2[i] > cosine2[i] { cosine2[i] } else { sine2[i] });
+    let p = lanes!(|i| 0.112_059_72 * z[i] - 0.093_916_625);
+    let p = lanes!(|i| p[i] * z[i] + 0.077_858_42);
+    let p = lanes!(|i| p[i] * z[i] + 0.016_091_293);
+    let p = lanes!(|i| p[i] * z[i] + 0.046_552_967);
+    let p = lanes!(|i| p[i] * z[i] + 0.074_880_87);
+    let p = lanes!(|i| p[i] * z[i] + 0.166_669_16);
     // asin(sqrt(z)) / sqrt(z).
-    let ratio = p * z + 1.0;
-    let beyond = std::f32::consts::PI - 2.0 * (z.max(0.0).sqrt() * ratio);
-    if far { beyond * beyond } else { 4.0 * (z * (ratio * ratio)) }
+    let ratio = lanes!(|i| p[i] * z[i] + 1.0);
+    lanes!(|i| {
+        let beyond = std::f32::consts::PI - 2.0 * (z[i].max(0.0).sqrt() * ratio[i]);
+        let near = 4.0 * (z[i] * (ratio[i] * ratio[i]));
+        if sine2[i] > cosine2[i] { beyond * beyond } else { near }
+    })
 }
 
-/// The widest Gaussian for which [`coarse_squared_angle`] and [`fine_squared_angle`] are made.
+/// The widest Gaussian for which [`COARSE_SQUARED_ANGLE`] and [`FINE_SQUARED_ANGLE`] are made.
 pub(crate) const NARROW: f64 = 0.6;
 
-/// The squared angle by a polynomial in the squared sine of its half, of degree 4: a Gaussian of a spread
-/// up to [`NARROW`] errs by 1.3e-4. The angle's slope opposite to the centre, where no polynomial follows it,
-/// is where such a Gaussian is 0.
+/// The squared angle as a polynomial in the squared sine of its half, from the first power on: a Gaussian of a
+/// spread up to [`NARROW`] errs by 1.3e-4. The angle's slope opposite to the centre, where no polynomial follows
+/// it, is where such a Gaussian is 0.
 ///
 /// Source: coefficients least in the error of the Gaussians of all those spreads (Lawson's iteration).
-#[inline(always)]
-pub(crate) fn coarse_squared_angle(sine2: f32) -> f32 {
-    let p = 1.544_153_9;
-    let p = p * sine2 + 0.188_702_46;
-    let p = p * sine2 + 1.402_231_6;
-    (p * sine2 + 3.998_609_5) * sine2
-}
+pub(crate) const COARSE_SQUARED_ANGLE: [f64; 4] =
+    [3.998_609_542_8, 1.402_231_574_1, 0.188_702_464_1, 1.544_153_928_8];
 
-/// The same, of degree 5, within 4.8e-5.
-#[inline(always)]
-pub(crate) fn fine_squared_angle(sine2: f32) -> f32 {
-    let p = 2.166_816_2;
-    let p = p * sine2 - 1.039_330_5;
-    let p = p * sine2 + 1.118_530_5;
-    let p = p * sine2 + 1.297_306_2;
-    (p * sine2 + 4.000_515_5) * sine2
-}
+/// The same within 4.8e-5.
+pub(crate) const FINE_SQUARED_ANGLE: [f64; 5] =
+    [4.000_515_461, 1.297_306_180_0, 1.118_530_511_9, -1.039_330_482_5, 2.166_816_234_6];
 
 /// Linear light from an sRGB-encoded value, as [`relight_core::linear_from_srgb`] within 2e-6 relatively for
 /// values to 1000.
@@ -154,40 +165,47 @@ mod tests {
     #[test]
     fn exponentials_are_within_their_errors() {
         let mut worst = [0.0f64; 3];
-        for i in 0..=870_000 {
-            let x = -1e-4 * i as f32;
-            let exact = libm::exp(f64::from(x));
-            for (worst, value) in worst.iter_mut().zip([exp(x), fine_exp(x), coarse_exp(x)]) {
+        for i in 0..=86_990 {
+            let x = -1e-3 * i as f32;
+            let [e, two] = [libm::exp(f64::from(x)), libm::exp2(f64::from(x))];
+            let values = [
+                (exp(&[x; LANES])[3], e),
+                (fine_exp2(&[x; LANES])[3], two),
+                (coarse_exp2(&[x; LANES])[3], two),
+            ];
+            for (worst, (value, exact)) in worst.iter_mut().zip(values) {
                 *worst = worst.max((f64::from(value) / exact - 1.0).abs());
             }
         }
-        assert!(worst[0] < 2e-7 && worst[1] < 7e-6 && worst[2] < 8e-5, "{worst:?}");
-        assert_eq!(exp(0.0), 1.0);
-        assert_eq!(exp(-1e30), exp(-87.0));
-        assert!(exp(-87.0) > 0.0 && exp(-87.0) < 2e-38);
+        assert!(worst[0] < 2e-7 && worst[1] < 4e-6 && worst[2] < 8e-5, "{worst:?}");
+        let [zero, far, farther] = [0.0, -87.0, -1e30].map(|x| exp(&[x; LANES])[0]);
+        assert!(zero == 1.0 && far == farther && far > 0.0 && far < 2e-38);
+        assert!(coarse_exp2(&[-1e30; LANES])[0] < 1e-37 && fine_exp2(&[-1e30; LANES])[0] > 0.0);
     }
 
     #[test]
     fn squared_angles_hold_from_the_same_to_the_opposite_direction() {
-        let mut worst = [0.0f64; 3];
+        let of = |s: f32, c: f32| squared_angle(&[s; LANES], &[c; LANES])[7];
         let gaussian = |squared: f64| libm::exp(-squared / (2.0 * NARROW * NARROW));
-        for i in 1..=1_000_000 {
-            let s = i as f32 / 1e6;
+        let polynomial = |c: &[f64], s: f64| c.iter().rev().fold(0.0, |sum, c| (sum + c) * s);
+        let mut worst = [0.0f64; 3];
+        for i in 1..=100_000 {
+            let s = i as f32 / 1e5;
             let angle = 2.0 * libm::asin(f64::from(s).sqrt());
-            let squares = [squared_angle(s, 1.0 - s), fine_squared_angle(s), coarse_squared_angle(s)];
-            let [exact, fine, coarse] = squares.map(f64::from);
+            let [fine, coarse] =
+                [&FINE_SQUARED_ANGLE[..], &COARSE_SQUARED_ANGLE].map(|c| polynomial(c, f64::from(s)));
             let errors = [
-                exact - angle * angle,
+                f64::from(of(s, 1.0 - s)) - angle * angle,
                 gaussian(fine) - gaussian(angle * angle),
                 gaussian(coarse) - gaussian(angle * angle),
             ];
             worst = [0, 1, 2].map(|i| worst[i].max(errors[i].abs()));
         }
         assert!(worst[0] < 3e-6 && worst[1] < 4.8e-5 && worst[2] < 1.3e-4, "{worst:?}");
-        assert_eq!(squared_angle(0.0, 1.0), 0.0);
+        assert_eq!(of(0.0, 1.0), 0.0);
         // Denormal distances keep their digits.
-        assert!((squared_angle(1e-30, 1.0) / 4e-30 - 1.0).abs() < 1e-6);
-        assert!((squared_angle(1.0, 0.0) - std::f32::consts::PI.powi(2)).abs() < 2e-6);
+        assert!((of(1e-30, 1.0) / 4e-30 - 1.0).abs() < 1e-6);
+        assert!((of(1.0, 0.0) - std::f32::consts::PI.powi(2)).abs() < 2e-6);
     }
 
     #[test]

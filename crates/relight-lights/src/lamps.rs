@@ -1,6 +1,6 @@
 //! Where a local light comes from at each pixel of a row, and how strong it is there.
 
-use crate::elementary::squared_angle;
+use crate::elementary::{LANES, lanes, squared_angle};
 use crate::horizon::Horizon;
 use crate::path::Directions;
 use crate::scene::{Attenuation, Gobo, HorizonRule, Lamp, Light, Spot};
@@ -244,12 +244,19 @@ impl Vectorized for Cone<'_> {
         let width = (self.spot.cone - self.spot.beam) as f32;
         // A sharp edge is a very steep one.
         let slope = if width > 1e-12 { 1.0 / width } else { 1e12 };
-        for i in 0..n {
+        for (first, strength) in (0..).step_by(LANES).zip(strength.chunks_mut(LANES)) {
+            let lanes = strength.len();
+            let [x, y, z] = [x, y, z].map(|axis| {
+                let mut values = [0.0; LANES];
+                values[..lanes].copy_from_slice(&axis[first..first + lanes]);
+                values
+            });
             // To the surface is minus to the lamp.
-            let (dx, dy, dz) = (x[i] + a, y[i] + b, z[i] + c);
-            let s = (0.25 * (dx * dx + dy * dy + dz * dz)).min(1.0);
-            let angle = squared_angle(s, 1.0 - s).sqrt();
-            strength[i] *= ((cone - angle) * slope).clamp(0.0, 1.0);
+            let (dx, dy, dz) = (lanes!(|i| x[i] + a), lanes!(|i| y[i] + b), lanes!(|i| z[i] + c));
+            let s = lanes!(|i| (0.25 * (dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i])).min(1.0));
+            let squared = squared_angle(&s, &lanes!(|i| 1.0 - s[i]));
+            let factor = lanes!(|i| ((cone - squared[i].sqrt()) * slope).clamp(0.0, 1.0));
+            strength.iter_mut().zip(&factor).for_each(|(strength, factor)| *strength *= factor);
         }
     }
 }

@@ -3,7 +3,8 @@
 
 use crate::cube_map::CubeMaps;
 use crate::elementary::{
-    NARROW, coarse_exp, coarse_squared_angle, exp, fine_exp, fine_squared_angle, squared_angle,
+    COARSE_SQUARED_ANGLE, FINE_SQUARED_ANGLE, LANES, Lanes, NARROW, coarse_exp2, exp, fine_exp2, lanes,
+    squared_angle,
 };
 use crate::harmonics;
 use crate::table::{Argument, Table};
@@ -218,39 +219,23 @@ impl Evaluator {
                 let factor = match kernel {
                     Kernel::Geodesic => -0.5 / squared,
                     Kernel::Spherical => -2.0 / squared,
-                } as f32;
+                };
+                let exponent = exponent_of(*kernel, *accuracy, factor);
                 for (&centre, row) in centres.iter().zip(rows.chunks_exact_mut(n)) {
                     let to = To { directions, centre, row };
+                    let factor = factor as f32;
                     match (kernel, accuracy) {
                         (Kernel::Geodesic, Accuracy::Exact) if *spread > WIDE => {
-                            level.run(Gaussian::<_, true> {
-                                to,
-                                of: |s, t| exp(factor * squared_angle(s, t)),
-                            });
+                            level.run(Gaussian::<true, true> { to, factor });
                         }
                         (Kernel::Geodesic, Accuracy::Exact) => {
-                            level.run(Gaussian::<_, false> {
-                                to,
-                                of: |s, t| exp(factor * squared_angle(s, t)),
-                            });
-                        }
-                        (Kernel::Geodesic, Accuracy::Fine) => {
-                            let of = |s, _| fine_exp(factor * fine_squared_angle(s));
-                            level.run(Gaussian::<_, false> { to, of });
-                        }
-                        (Kernel::Geodesic, Accuracy::Coarse) => {
-                            let of = |s, _| coarse_exp(factor * coarse_squared_angle(s));
-                            level.run(Gaussian::<_, false> { to, of });
+                            level.run(Gaussian::<false, true> { to, factor })
                         }
                         (Kernel::Spherical, Accuracy::Exact) => {
-                            level.run(Gaussian::<_, false> { to, of: |s, _| exp(factor * s) });
+                            level.run(Gaussian::<false, false> { to, factor })
                         }
-                        (Kernel::Spherical, Accuracy::Fine) => {
-                            level.run(Gaussian::<_, false> { to, of: |s, _| fine_exp(factor * s) });
-                        }
-                        (Kernel::Spherical, Accuracy::Coarse) => {
-                            level.run(Gaussian::<_, false> { to, of: |s, _| coarse_exp(factor * s) });
-                        }
+                        (_, Accuracy::Fine) => level.run(ShortGaussian::<true> { to, exponent }),
+                        (_, Accuracy::Coarse) => level.run(ShortGaussian::<false> { to, exponent }),
                     }
                 }
             }
@@ -275,40 +260,151 @@ fn centres_of(srbf: &Srbf) -> Vec<[f32; 3]> {
 /// digits.
 const WIDE: f64 = 0.5;
 
-/// A centre and where the function goes.
+/// The exponent of 2 of a Gaussian, a polynomial in the squared sine of half the angle from the first power on.
+fn exponent_of(kernel: Kernel, accuracy: Accuracy, factor: f64) -> [f32; 5] {
+    let coefficients: &[f64] = match (kernel, accuracy) {
+        (Kernel::Spherical, _) => &[1.0],
+        (Kernel::Geodesic, Accuracy::Coarse) => &COARSE_SQUARED_ANGLE,
+        (Kernel::Geodesic, _) => &FINE_SQUARED_ANGLE,
+    };
+    let mut exponent = [0.0; 5];
+    for (to, from) in exponent.iter_mut().zip(coefficients) {
+        *to = (from * factor * std::f64::consts::LOG2_E) as f32;
+    }
+    exponent
+}
+
+/// A centre and where its function goes.
 struct To<'a> {
     directions: Directions<'a>,
     centre: [f32; 3],
     row: &'a mut [f32],
 }
 
-/// A function of the squared sine and cosine of half the angle to a centre.
+impl To<'_> {
+    /// Writes what `of` makes of x, y and z.
+    #[inline(always)]
+    fn fill(self, of: impl LaneFunction) {
+        let Self { directions: Directions { x, y, z }, row, .. } = self;
+        let n = row.len();
+        let whole = n / LANES * LANES;
+        let mut first = 0;
+        while first < whole {
+            let lanes = first..first + LANES;
+            if let (Some(x), Some(y), Some(z), Some(row)) = (
+                x[lanes.clone()].first_chunk(),
+                y[lanes.clone()].first_chunk(),
+                z[lanes.clone()].first_chunk(),
+                row[lanes].first_chunk_mut(),
+            ) {
+                *row = of.value(x, y, z);
+            }
+            first += LANES;
+        }
+        if whole < n {
+            let (mut a, mut b, mut c) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            a[..n - whole].copy_from_slice(&x[whole..n]);
+            b[..n - whole].copy_from_slice(&y[whole..n]);
+            c[..n - whole].copy_from_slice(&z[whole..n]);
+            let values = of.value(&a, &b, &c);
+            row[whole..].copy_from_slice(&values[..n - whole]);
+        }
+    }
+}
+
+/// A function of direction. A trait rather than a closure: its function is inlined into what is compiled for a CPU
+/// level, which a closure need not be.
+trait LaneFunction {
+    fn value(&self, x: &Lanes, y: &Lanes, z: &Lanes) -> Lanes;
+}
+
+/// exp(factor x squared angle), or of four times the squared sine of its half where not `GEODESIC`.
 ///
 /// From the difference of the two unit vectors (and, where `BOTH`, from their sum) rather than from their
 /// dot product, which near 1 and -1 has lost half the digits of the angle.
-struct Gaussian<'a, F, const BOTH: bool> {
+struct Gaussian<'a, const BOTH: bool, const GEODESIC: bool> {
     to: To<'a>,
-    of: F,
+    factor: f32,
 }
 
-impl<F: Fn(f32, f32) -> f32, const BOTH: bool> Vectorized for Gaussian<'_, F, BOTH> {
+struct ExactShape<const BOTH: bool, const GEODESIC: bool> {
+    centre: [f32; 3],
+    factor: f32,
+}
+
+impl<const BOTH: bool, const GEODESIC: bool> Vectorized for Gaussian<'_, BOTH, GEODESIC> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let To { directions: Directions { x, y, z }, centre: [a, b, c], row } = self.to;
-        let n = row.len();
-        let (x, y, z) = (&x[..n], &y[..n], &z[..n]);
-        for i in 0..n {
-            let (dx, dy, dz) = (x[i] - a, y[i] - b, z[i] - c);
-            let sine2 = (0.25 * (dx * dx + dy * dy + dz * dz)).min(1.0);
-            let cosine2 = if BOTH {
-                let (dx, dy, dz) = (x[i] + a, y[i] + b, z[i] + c);
-                (0.25 * (dx * dx + dy * dy + dz * dz)).min(1.0)
-            } else {
-                1.0 - sine2
-            };
-            row[i] = (self.of)(sine2, cosine2);
+        let shape = ExactShape::<BOTH, GEODESIC> { centre: self.to.centre, factor: self.factor };
+        self.to.fill(shape);
+    }
+}
+
+impl<const BOTH: bool, const GEODESIC: bool> LaneFunction for ExactShape<BOTH, GEODESIC> {
+    #[inline(always)]
+    fn value(&self, x: &Lanes, y: &Lanes, z: &Lanes) -> Lanes {
+        let ([a, b, c], factor) = (self.centre, self.factor);
+        let (dx, dy, dz) = (lanes!(|i| x[i] - a), lanes!(|i| y[i] - b), lanes!(|i| z[i] - c));
+        let sine2 = lanes!(|i| dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i]);
+        let sine2 = lanes!(|i| (0.25 * sine2[i]).min(1.0));
+        if !GEODESIC {
+            return exp(&lanes!(|i| factor * sine2[i]));
+        }
+        let cosine2 = if BOTH {
+            let (dx, dy, dz) = (lanes!(|i| x[i] + a), lanes!(|i| y[i] + b), lanes!(|i| z[i] + c));
+            let cosine2 = lanes!(|i| dx[i] * dx[i] + dy[i] * dy[i] + dz[i] * dz[i]);
+            lanes!(|i| (0.25 * cosine2[i]).min(1.0))
+        } else {
+            lanes!(|i| 1.0 - sine2[i])
+        };
+        let squared = squared_angle(&sine2, &cosine2);
+        exp(&lanes!(|i| factor * squared[i]))
+    }
+}
+
+/// 2 to a polynomial in the squared sine of half the angle, which the dot product gives to 6e-8: as short as 1e-4
+/// and (not `FINE`) 1e-3 allow.
+struct ShortGaussian<'a, const FINE: bool> {
+    to: To<'a>,
+    exponent: [f32; 5],
+}
+
+struct ShortShape<const FINE: bool> {
+    centre: [f32; 3],
+    exponent: [f32; 5],
+}
+
+impl<const FINE: bool> Vectorized for ShortGaussian<'_, FINE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let shape = ShortShape::<FINE> { centre: self.to.centre, exponent: self.exponent };
+        self.to.fill(shape);
+    }
+}
+
+impl<const FINE: bool> LaneFunction for ShortShape<FINE> {
+    #[inline(always)]
+    fn value(&self, x: &Lanes, y: &Lanes, z: &Lanes) -> Lanes {
+        let [a, b, c] = [-0.5 * self.centre[0], -0.5 * self.centre[1], -0.5 * self.centre[2]];
+        let [e1, e2, e3, e4, e5] = self.exponent;
+        let s = lanes!(|i| x[i] * a + 0.5);
+        let s = lanes!(|i| s[i] + y[i] * b);
+        let s = lanes!(|i| s[i] + z[i] * c);
+        if FINE {
+            let p = lanes!(|i| e5 * s[i] + e4);
+            let p = lanes!(|i| p[i] * s[i] + e3);
+            let p = lanes!(|i| p[i] * s[i] + e2);
+            let p = lanes!(|i| p[i] * s[i] + e1);
+            fine_exp2(&lanes!(|i| p[i] * s[i]))
+        } else {
+            let p = lanes!(|i| e4 * s[i] + e3);
+            let p = lanes!(|i| p[i] * s[i] + e2);
+            let p = lanes!(|i| p[i] * s[i] + e1);
+            coarse_exp2(&lanes!(|i| p[i] * s[i]))
         }
     }
 }

@@ -15,7 +15,7 @@ use relight_core::{
 use std::time::Instant;
 
 /// Pixels of a tile from left to right: a row's vectors of k functions stay in the L1 cache.
-const TILE_WIDTH: usize = 128;
+const TILE_WIDTH: usize = 256;
 
 /// Pixels that passes without positions take at a time where there are no others: sums and codes stay in
 /// the L1 cache.
@@ -372,6 +372,8 @@ impl<'a> Worker<'a> {
         let level = self.settings.level;
         let adds_up = self.maps.model.space == Space::Linear;
         let mut waiting = false;
+        // A single direction needs no sum of its functions first.
+        let alone = matches!(group, [light] if samples(&self.scene.lights[*light]) == 1);
         let color = self.scene.lights[group[0]].color;
         for ((&light, _), report) in
             group.iter().zip(skipped).zip(reports).filter(|((_, skipped), _)| !**skipped)
@@ -385,7 +387,7 @@ impl<'a> Worker<'a> {
                     continue;
                 }
                 evaluator.evaluate(level, space.light.directions(), &mut space.functions[..count * pixels]);
-                if adds_up && space.light.gobo.is_none() {
+                if adds_up && !alone && space.light.gobo.is_none() {
                     let functions = &space.functions[..count * pixels];
                     let weights = &mut space.weights[..count * pixels];
                     level.run(Gather {
@@ -527,7 +529,7 @@ impl Vectorized for Products<'_, '_> {
 
     #[inline(always)]
     fn run(self) {
-        const LANES: usize = 32;
+        const LANES: usize = 64;
         let n = self.sum.len();
         let terms = || self.channel.planes.iter().zip(&self.channel.indices);
         let whole = n / LANES * LANES;

@@ -80,29 +80,30 @@ struct WeightedCodes<'a> {
     out: &'a mut [f32],
 }
 
-/// Sums that stay in registers.
-const LANES: usize = 64;
-
 impl Vectorized for WeightedCodes<'_> {
     type Output = ();
 
+    /// Four planes at a time along the whole run: few enough streams for the processor to see them coming, and
+    /// the sums come back to registers once for four terms.
     #[inline(always)]
     fn run(self) {
-        let whole = self.out.len() / LANES * LANES;
-        for first in (0..whole).step_by(LANES) {
-            let mut sums = [self.constant; LANES];
-            for (codes, weight) in self.codes.iter().zip(self.weights) {
-                let codes = &codes[first..first + LANES];
-                for (sum, code) in sums.iter_mut().zip(codes) {
-                    *sum += weight * f32::from(*code);
-                }
+        let n = self.out.len();
+        self.out.fill(self.constant);
+        let (codes, rest) = self.codes.as_chunks::<4>();
+        let (weights, of_rest) = self.weights.as_chunks::<4>();
+        for (codes, [a, b, c, d]) in codes.iter().zip(weights) {
+            let [p, q, r, s] = codes.map(|codes| &codes[..n]);
+            for i in 0..n {
+                let sum = self.out[i] + a * f32::from(p[i]);
+                let sum = sum + b * f32::from(q[i]);
+                let sum = sum + c * f32::from(r[i]);
+                self.out[i] = sum + d * f32::from(s[i]);
             }
-            self.out[first..first + LANES].copy_from_slice(&sums);
         }
-        for i in whole..self.out.len() {
-            let terms = self.codes.iter().zip(self.weights);
-            self.out[i] =
-                terms.fold(self.constant, |sum, (codes, weight)| sum + weight * f32::from(codes[i]));
+        for (codes, weight) in rest.iter().zip(of_rest) {
+            for (sum, code) in self.out.iter_mut().zip(*codes) {
+                *sum += weight * f32::from(*code);
+            }
         }
     }
 }
