@@ -16,6 +16,7 @@ mod lamps;
 mod path;
 mod plan;
 mod relight;
+mod rows;
 mod scene;
 mod table;
 mod uniform;

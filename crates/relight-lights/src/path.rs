@@ -50,7 +50,7 @@ impl Accuracy {
 /// How functions are evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Path {
-    /// By their formulas: SRBF through [`squared_angle`](crate::elementary) and a polynomial exponential, SH
+    /// By their formulas: SRBF through the squared angle and a polynomial exponential, SH
     /// by recursion, PTM and HSH as polynomials; to the rounding of f32.
     Exact,
     /// SRBF up to a spread of 0.6 with shorter polynomials, within 6e-5 of a function's peak.

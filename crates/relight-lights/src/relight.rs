@@ -1,17 +1,15 @@
 //! Pictures of an asset under a scene, by tiles.
 
 use crate::bound::{Box3, largest_samples, negligible};
-use crate::elementary::linear_from_srgb;
 use crate::lamps::{RowLight, RowPositions};
 use crate::path::Evaluator;
 use crate::plan::Plan;
+use crate::rows::{AddChannel, Channel, Gather, Interleave, Products, STRIP};
 use crate::scene::{Lamp, Light, Scene};
 use crate::uniform::{coefficients, weighted_planes};
 use rayon::prelude::*;
 use relight_core::relighter::Picture;
-use relight_core::{
-    CpuLevel, Layout, PlaneRole, PositionMap, RelightingMap, RelightingMaps, Space, Vectorized,
-};
+use relight_core::{CpuLevel, Layout, PlaneRole, PositionMap, RelightingMaps, Space};
 use std::time::Instant;
 
 /// Pixels of a tile from left to right: a row's vectors of k functions stay in the L1 cache.
@@ -20,9 +18,6 @@ const TILE_WIDTH: usize = 256;
 /// Pixels that passes without positions take at a time where there are no others: sums and codes stay in
 /// the L1 cache.
 const RUN: usize = 2048;
-
-/// Pixels whose coefficients are decoded at a time for local lights.
-const STRIP: usize = 8 * TILE_WIDTH;
 
 /// Rows of a tile.
 const TILE_HEIGHT: usize = 32;
@@ -122,14 +117,6 @@ impl Report {
             light.seconds += other.seconds;
         }
     }
-}
-
-/// The planes of a channel, by function, and what multiplies their sum.
-struct Channel<'a> {
-    planes: Vec<(&'a RelightingMap, usize)>,
-    /// Indices of `planes` among all.
-    indices: Vec<usize>,
-    factor: Option<usize>,
 }
 
 struct Worker<'a> {
@@ -483,137 +470,4 @@ fn samples(light: &Light) -> usize {
 
 fn seconds(start: Option<Instant>) -> f64 {
     start.map_or(0.0, |start| start.elapsed().as_secs_f64())
-}
-
-/// Functions times a light's strength, added to those of the lights before it.
-struct Gather<'a> {
-    functions: &'a [f32],
-    strength: &'a [f32],
-    weights: &'a mut [f32],
-    fresh: bool,
-}
-
-impl Vectorized for Gather<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let n = self.strength.len();
-        let rows = self.weights.chunks_exact_mut(n).zip(self.functions.chunks_exact(n));
-        for (weights, functions) in rows {
-            if self.fresh {
-                for i in 0..n {
-                    weights[i] = functions[i] * self.strength[i];
-                }
-            } else {
-                for i in 0..n {
-                    weights[i] += functions[i] * self.strength[i];
-                }
-            }
-        }
-    }
-}
-
-/// The sum over a channel's planes of weight x coefficient, at each pixel.
-struct Products<'a, 'b> {
-    /// By function.
-    weights: &'a [f32],
-    /// By plane, rows of [`STRIP`].
-    planes: &'a [f32],
-    channel: &'a Channel<'b>,
-    sum: &'a mut [f32],
-}
-
-impl Vectorized for Products<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        const LANES: usize = 64;
-        let n = self.sum.len();
-        let terms = || self.channel.planes.iter().zip(&self.channel.indices);
-        let whole = n / LANES * LANES;
-        for first in (0..whole).step_by(LANES) {
-            let mut sums = [0.0f32; LANES];
-            for ((_, function), plane) in terms() {
-                let weights = &self.weights[function * n + first..][..LANES];
-                let coefficients = &self.planes[plane * STRIP + first..][..LANES];
-                for i in 0..LANES {
-                    sums[i] += weights[i] * coefficients[i];
-                }
-            }
-            self.sum[first..first + LANES].copy_from_slice(&sums);
-        }
-        for i in whole..n {
-            self.sum[i] = terms().fold(0.0, |sum, ((_, function), plane)| {
-                sum + self.weights[function * n + i] * self.planes[plane * STRIP + i]
-            });
-        }
-    }
-}
-
-/// A channel of a light on its way into the sum.
-struct AddChannel<'a> {
-    sum: &'a [f32],
-    /// Base colour.
-    factor: Option<&'a [f32]>,
-    /// Whether the product is encoded.
-    decode: bool,
-    /// Strength of the light at each pixel, and of a picture in its way.
-    strength: Option<(&'a [f32], Option<&'a [f32]>)>,
-    color: f32,
-    total: &'a mut [f32],
-}
-
-impl Vectorized for AddChannel<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        const LANES: usize = 32;
-        let Self { sum, factor, decode, strength, color, total } = self;
-        for (first, total) in (0..).step_by(LANES).zip(total.chunks_mut(LANES)) {
-            let lanes = first..first + total.len();
-            let mut values = [0.0f32; LANES];
-            values[..total.len()].copy_from_slice(&sum[lanes.clone()]);
-            if let Some(factor) = factor {
-                values.iter_mut().zip(&factor[lanes.clone()]).for_each(|(value, factor)| *value *= factor);
-            }
-            if decode {
-                values.iter_mut().for_each(|value| *value = linear_from_srgb(*value));
-            }
-            if let Some((strength, gobo)) = strength {
-                values.iter_mut().zip(&strength[lanes.clone()]).for_each(|(value, s)| *value *= s);
-                if let Some(gobo) = gobo {
-                    values.iter_mut().zip(&gobo[lanes]).for_each(|(value, g)| *value *= g);
-                }
-            }
-            total.iter_mut().zip(&values).for_each(|(total, value)| *total += color * value);
-        }
-    }
-}
-
-/// Channels one after another to channels side by side.
-struct Interleave<'a> {
-    sums: &'a [f32],
-    out: &'a mut [f32],
-    channels: usize,
-}
-
-impl Vectorized for Interleave<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let n = self.out.len() / self.channels;
-        if self.channels == 1 {
-            self.out.copy_from_slice(&self.sums[..n]);
-            return;
-        }
-        let (r, rest) = self.sums.split_at(n);
-        let (g, b) = rest.split_at(n);
-        for (((pixel, r), g), b) in self.out.chunks_exact_mut(3).zip(r).zip(g).zip(b) {
-            pixel.copy_from_slice(&[*r, *g, *b]);
-        }
-    }
 }

@@ -1,5 +1,7 @@
 //! Every way of evaluating a basis against the basis itself, in f64, at directions that are hard.
 
+#![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
+
 use relight_core::sphere::{Cap, fibonacci_in};
 use relight_core::{Basis, CpuLevel, Design, Direction, Family, LightSet};
 use relight_lights::{Accuracy, Directions, Evaluator, Path};
