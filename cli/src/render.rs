@@ -13,9 +13,9 @@ use jobs::Job;
 use relight_core::relighter::{DirectionalLight, Picture, relight};
 use relight_core::{PositionMap, RelightingMaps, Space};
 use relight_formats::{
-    PictureDepth, picture_depths, read_asset, read_position_file, read_positions, write_picture,
+    PictureDepth, picture_depths, read_asset, read_position_file, read_positions, read_scene, write_picture,
 };
-use relight_lights::{Accuracy, Lamp, Plan, Report, Settings, relight_scene};
+use relight_lights::{Accuracy, Lamp, Plan, Report, Scene, Settings, relight_scene};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -104,6 +104,8 @@ struct Loaded {
     seconds: f64,
     /// Read once a picture needs them.
     positions: Option<PositionMap>,
+    /// Samples of the picture before, whose memory the next one takes.
+    recycled: Vec<f32>,
 }
 
 /// A picture that was drawn, in the space of its file.
@@ -133,7 +135,8 @@ pub(crate) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
     check_apart(outputs, jobs.inputs.iter().chain([&arguments.asset]).chain(&arguments.positions))?;
     let start = Instant::now();
     let maps = read_asset(&arguments.asset, machine.memory)?;
-    let mut loaded = Loaded { maps, seconds: start.elapsed().as_secs_f64(), positions: None };
+    let mut loaded =
+        Loaded { maps, seconds: start.elapsed().as_secs_f64(), positions: None, recycled: Vec::new() };
     if let Some(folder) = &jobs.folder {
         relight_formats::create_folder(folder)?;
     }
@@ -153,6 +156,7 @@ pub(crate) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         if arguments.explain {
             explained.push(explain::Explanation::of(job, &drawn, &loaded));
         }
+        loaded.recycled = drawn.picture.samples;
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -198,7 +202,9 @@ fn draw(
 ) -> Result<Drawn, Failure> {
     let plan = Plan::new(&job.scene, &loaded.maps.model, arguments.accuracy);
     if plan.reads_positions && loaded.positions.is_none() {
-        loaded.positions = Some(positions(arguments, job, &plan, &loaded.maps, machine)?);
+        let name = first_local(&job.scene, &plan);
+        let map = positions(&arguments.asset, arguments.positions.as_deref(), name, &loaded.maps, machine)?;
+        loaded.positions = Some(map);
     }
     let start = Instant::now();
     // One white light on encoded values needs no way to linear light and back.
@@ -212,28 +218,51 @@ fn draw(
         let report = Report { uniform_seconds: seconds, ..Report::default() };
         return Ok(Drawn { picture, plan, report, seconds });
     }
+    let recycled = std::mem::take(&mut loaded.recycled);
     let settings = Settings { level: machine.level, step: smallest_step(depth), timed: arguments.explain };
     let (picture, report) =
-        relight_scene(&loaded.maps, loaded.positions.as_ref(), &job.scene, &plan, &settings);
+        relight_scene(&loaded.maps, loaded.positions.as_ref(), &job.scene, &plan, &settings, recycled);
     let seconds = start.elapsed().as_secs_f64();
     let picture = if depth.is_linear() { picture } else { picture.encoded_from(Space::Linear) };
     Ok(Drawn { picture, plan, report, seconds })
 }
 
-/// The positions that local lights need.
+/// The asset under the scene of a file, at its first time, in linear light and not clipped.
+pub(crate) fn relit_by_scene(
+    asset: &Path,
+    maps: &RelightingMaps,
+    scene: &Path,
+    machine: &Machine,
+) -> Result<Picture, Failure> {
+    let file = read_scene(scene, machine.level, machine.memory)?;
+    let scene = file.scene(scene, file.times.first().copied().unwrap_or(0.0))?;
+    let plan = Plan::new(&scene, &maps.model, Accuracy::Exact);
+    let map = match plan.reads_positions {
+        true => Some(positions(asset, None, first_local(&scene, &plan), maps, machine)?),
+        false => None,
+    };
+    let settings = Settings { level: machine.level, step: 0.0, timed: false };
+    Ok(relight_scene(maps, map.as_ref(), &scene, &plan, &settings, Vec::new()).0)
+}
+
+/// The name of the first light that needs positions.
+fn first_local<'a>(scene: &'a Scene, plan: &Plan) -> &'a str {
+    plan.local.iter().flatten().next().map_or("", |&light| &scene.lights[light].name)
+}
+
+/// The positions that local lights need, the first of them `light`: those of a file, or the asset's own.
 fn positions(
-    arguments: &RenderArguments,
-    job: &Job,
-    plan: &Plan,
+    asset: &Path,
+    given: Option<&Path>,
+    light: &str,
     maps: &RelightingMaps,
     machine: &Machine,
 ) -> Result<PositionMap, Failure> {
-    let (path, map) = match &arguments.positions {
+    let (path, map) = match given {
         Some(path) => (path, Some(read_position_file(path, machine.memory)?)),
-        None => (&arguments.asset, read_positions(&arguments.asset, machine.memory)?),
+        None => (asset, read_positions(asset, machine.memory)?),
     };
     let Some(mut map) = map else {
-        let light = plan.local.iter().flatten().next().map_or("", |&light| &job.scene.lights[light].name);
         let message = format!(
             "{}: holds no positions, which '{light}' needs; bake it with --positions or --depth, or give --positions P.exr",
             path.display()

@@ -5,6 +5,7 @@ mod meshes;
 use crate::failure::{Exit, Failure};
 use crate::light_options::{light_of_angles, light_of_vector};
 use crate::options::{Machine, MachineOptions, check_apart, check_writable};
+use crate::render::relit_by_scene;
 use clap::{Args, ValueEnum};
 use meshes::MeshOptions;
 use relight_core::RelightingMaps;
@@ -33,6 +34,9 @@ pub(crate) struct ViewArguments {
     /// The same by angles in degrees: azimuth from x towards y, elevation towards z
     #[arg(long, value_name = "AZ,EL[,R,G,B]", allow_hyphen_values = true, value_parser = light_of_angles)]
     angles: Vec<DirectionalLight>,
+    /// The lights of a scene file instead, at its first time, in the axes of the capture
+    #[arg(long, value_name = "SCENE.toml", conflicts_with_all = ["light", "angles"])]
+    scene: Option<PathBuf>,
     /// Pixels of the picture
     #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = size_of)]
     size: (usize, usize),
@@ -92,12 +96,12 @@ fn size_of(text: &str) -> Result<(usize, usize), String> {
 pub(crate) fn run(arguments: &ViewArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
     let lights: Vec<_> = arguments.light.iter().chain(&arguments.angles).copied().collect();
-    if lights.is_empty() && !arguments.mesh.has_lights() {
-        return Err(Failure::usage("no light; give --light X,Y,Z or --angles AZ,EL"));
+    if lights.is_empty() && arguments.scene.is_none() && !arguments.mesh.has_lights() {
+        return Err(Failure::usage("no light; give --light X,Y,Z, --angles AZ,EL or --scene SCENE.toml"));
     }
-    arguments.mesh.check()?;
+    arguments.mesh.check(arguments.scene.is_some())?;
     let depth = picture_depths(&arguments.output).map_err(Failure::of_output)?[0];
-    let inputs = [&arguments.asset].into_iter().chain(arguments.mesh.inputs());
+    let inputs = [&arguments.asset].into_iter().chain(arguments.mesh.inputs()).chain(&arguments.scene);
     check_apart([&arguments.output], inputs)?;
     check_writable(&arguments.output)?;
     let samples = arguments.mesh.samples_of_pixel();
@@ -114,6 +118,15 @@ pub(crate) fn run(arguments: &ViewArguments) -> Result<(), Failure> {
 impl ViewArguments {
     fn maps(&self, machine: &Machine) -> Result<RelightingMaps, Failure> {
         Ok(read_asset(&self.asset, machine.memory)?)
+    }
+
+    /// The asset's own picture under the lights, in linear light.
+    fn relit(&self, lights: &[DirectionalLight], machine: &Machine) -> Result<Picture, Failure> {
+        let maps = self.maps(machine)?;
+        match &self.scene {
+            Some(scene) => relit_by_scene(&self.asset, &maps, scene, machine),
+            None => Ok(relight_linear(&maps, lights, machine.level)),
+        }
     }
 
     fn panorama(
@@ -138,7 +151,7 @@ impl ViewArguments {
         };
         // Angles out of range are told before the asset is read.
         view.camera()?;
-        let relit = relight_linear(&self.maps(machine)?, lights, machine.level);
+        let relit = self.relit(lights, machine)?;
         Ok(view_of_panorama(&relit, &view)?)
     }
 }

@@ -273,3 +273,20 @@ fn the_courts_lamps_are_the_renderers() {
     println!("court's lamps: exact {:.2} dB, 1e-3 {:.2} dB", means[0], means[1]);
     assert!(means[0] >= 26.8 && means[1] >= means[0] - 0.1, "{means:?}");
 }
+
+/// Views are of the scene-lit picture: straight into a panorama whose lights are the scene's.
+#[test]
+fn views_take_scenes() {
+    let folder = folder();
+    let folder = folder.path();
+    write(folder, "sun.toml", &format!("horizon = \"extrapolate\"\n{SUN}"));
+    write(folder, "lamp.toml", LAMP);
+    relight(folder, "view a.ktx2 --scene sun.toml --view 0,0,60 -o a.png").ok();
+    relight(folder, "view a.ktx2 --light 0.3,0.2,0.9 --view 0,0,60 -o b.png").ok();
+    let [a, b] = ["a.png", "b.png"].map(|name| read(&folder.join(name)));
+    for (a, b) in a.samples.iter().zip(&b.samples) {
+        assert!((a - b).abs() < 0.01, "{a} {b}");
+    }
+    relight(folder, "view a.ktx2 --scene lamp.toml --view 0,0,60 -o lamp.png").ok();
+    assert_ne!(fs::read(folder.join("lamp.png")).unwrap(), fs::read(folder.join("a.png")).unwrap());
+}

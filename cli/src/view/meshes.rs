@@ -5,14 +5,14 @@ use crate::failure::{Exit, Failure};
 use crate::light_options::numbers_of;
 use crate::options::{Machine, WrapChoice};
 use clap::{Args, ValueEnum};
-use relight_core::relighter::{DirectionalLight, Picture, relight_linear};
-use relight_core::{Camera, Projection, Space};
-use relight_formats::{DecodedPicture, Samples, decode, read_mesh};
+use relight_core::relighter::{DirectionalLight, Picture};
+use relight_core::{Camera, Projection};
+use relight_formats::{linear_picture, read_mesh};
 use relight_surface::{
     Albedo, DrawSettings, Mesh, MeshLight, SurfaceError, chart_coverage, dilate, draw_lightmapped,
     draw_tangent_space,
 };
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Point lights are as bright as at this distance when they are nearer, in units of the mesh.
 const LEAST_DISTANCE: f64 = 1e-3;
@@ -94,11 +94,14 @@ impl MeshOptions {
     }
 
     /// Refuses options that belong to the other space.
-    pub(super) fn check(&self) -> Result<(), Failure> {
+    pub(super) fn check(&self, has_scene: bool) -> Result<(), Failure> {
         match self.space {
-            SpaceChoice::World if self.has_lights() => {
-                Err(Failure::usage("--point needs --space tangent; a lightmap knows directional lights only"))
-            }
+            SpaceChoice::Tangent if has_scene => Err(Failure::usage(
+                "--scene lights a panorama or a lightmap; with --space tangent give --light, --angles or --point",
+            )),
+            SpaceChoice::World if self.has_lights() => Err(Failure::usage(
+                "--point needs --space tangent; a lightmap's lights are --light, --angles or --scene",
+            )),
             SpaceChoice::Tangent if self.albedo.is_some() => Err(Failure::usage(
                 "--albedo is for lightmaps; with --space tangent the asset has the colour, leave it out",
             )),
@@ -125,15 +128,16 @@ impl MeshOptions {
             background: view.background,
             wrap: self.wrap.mode(),
         };
-        let maps = view.maps(machine)?;
         match self.space {
             SpaceChoice::World => {
-                let relit = relight_linear(&maps, lights, machine.level);
-                drop(maps);
-                let albedo = self.albedo.as_deref().map(|path| linear_picture(path, machine)).transpose()?;
+                let relit = view.relit(lights, machine)?;
+                let albedo = self.albedo.as_deref();
+                let albedo =
+                    albedo.map(|path| linear_picture(path, machine.level, machine.memory)).transpose()?;
                 self.lightmapped(&mesh, &camera, &relit, albedo.as_ref(), &settings).map_err(of_mesh)
             }
             SpaceChoice::Tangent => {
+                let maps = view.maps(machine)?;
                 let points = self.point.iter().map(|&(position, color)| MeshLight::Point {
                     position,
                     color,
@@ -170,18 +174,4 @@ impl MeshOptions {
         };
         Ok(Camera::new(projection, size, eye, target, self.up)?)
     }
-}
-
-/// A picture file in linear light: integers are sRGB-encoded, floats linear.
-fn linear_picture(path: &Path, machine: &Machine) -> Result<Picture, Failure> {
-    let DecodedPicture { info, samples } = decode(path, machine.level, machine.memory)?;
-    let space = if info.sample_type.is_float() { Space::Linear } else { Space::Encoded };
-    let samples = match samples {
-        Samples::U8(codes) => codes.into_iter().map(|code| f32::from(code) / 255.0).collect(),
-        Samples::U16(codes) => codes.into_iter().map(|code| f32::from(code) / 65535.0).collect(),
-        Samples::F16(values) => values.into_iter().map(|value| value.to_f32()).collect(),
-        Samples::F32(values) => values,
-    };
-    let picture = Picture { width: info.width, height: info.height, channels: info.channels, samples };
-    Ok(picture.linear_from(space))
 }

@@ -17,7 +17,7 @@ const TILE_WIDTH: usize = 256;
 
 /// Pixels that passes without positions take at a time where there are no others: sums and codes stay in
 /// the L1 cache.
-const RUN: usize = 2048;
+const RUN: usize = 8192;
 
 /// Rows of a tile.
 const TILE_HEIGHT: usize = 32;
@@ -66,6 +66,8 @@ pub struct LightReport {
 
 /// The picture of `maps` under `scene` in linear light, not clipped; negative sums are kept.
 ///
+/// `recycled` gives its memory to the picture: the samples of the one before in a sequence, or an empty vector.
+///
 /// # Panics
 /// When the plan reads positions and there are none, or of another size.
 pub fn relight_scene(
@@ -74,6 +76,7 @@ pub fn relight_scene(
     scene: &Scene,
     plan: &Plan,
     settings: &Settings,
+    recycled: Vec<f32>,
 ) -> (Picture, Report) {
     let positions = positions.filter(|_| plan.reads_positions);
     assert!(!plan.reads_positions || positions.is_some(), "local lights need positions");
@@ -83,7 +86,9 @@ pub fn relight_scene(
     );
     let worker = Worker::new(maps, positions, scene, plan, *settings);
     let (width, channels) = (maps.width, plan.channels);
-    let mut samples = vec![0.0; maps.pixels() * channels];
+    // Every sample is written.
+    let mut samples = recycled;
+    samples.resize(maps.pixels() * channels, 0.0);
     let reports: Vec<Report> = samples
         .par_chunks_mut(TILE_HEIGHT * width * channels)
         .enumerate()

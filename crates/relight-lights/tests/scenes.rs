@@ -100,7 +100,7 @@ fn settings() -> Settings {
 fn drawn(maps: &RelightingMaps, scene: &Scene, settings: Settings) -> (Picture, Report) {
     let plan = Plan::new(scene, &maps.model, Accuracy::Exact);
     let positions = positions();
-    relight_scene(maps, plan.reads_positions.then_some(&positions), scene, &plan, &settings)
+    relight_scene(maps, plan.reads_positions.then_some(&positions), scene, &plan, &settings, Vec::new())
 }
 
 /// The relit sample of a pixel under one direction, decoded: the definition, in f64.
@@ -276,7 +276,7 @@ fn a_lamp_at_a_surface_point_is_dark_there_and_counted() {
     map.points[pixel] = [1e-20, 0.0, 0.0];
     let scene = scene(vec![Light { attenuation: NEAR, ..point([0.0; 3]) }]);
     let plan = Plan::new(&scene, &maps.model, Accuracy::Exact);
-    let (picture, report) = relight_scene(&maps, Some(&map), &scene, &plan, &settings());
+    let (picture, report) = relight_scene(&maps, Some(&map), &scene, &plan, &settings(), Vec::new());
     assert_eq!((report.at_surface, picture.samples[3 * pixel]), (1, 0.0));
     assert!(picture.samples.iter().all(|s| s.is_finite()));
 }
@@ -357,7 +357,7 @@ fn directional_lights_and_environments_of_linear_assets_are_one_pass() {
     assert_eq!(plan.uniform.len(), 1);
     assert_eq!(plan.uniform[0].lights, [0, 1, 2]);
     assert!(!plan.reads_positions && plan.path.is_none());
-    let (picture, report) = relight_scene(&maps, None, &scene, &plan, &settings());
+    let (picture, report) = relight_scene(&maps, None, &scene, &plan, &settings(), Vec::new());
     assert_eq!(report.positions_read, 0);
     // The environment by brute force: each pixel of it cut into 40 x 40 directional lights.
     let mut expected = vec![[0.0; 3]; 40];
