@@ -22,14 +22,19 @@ impl Explanation {
         let folded: usize = plan.uniform.iter().map(|pass| pass.lights.len().saturating_sub(1)).sum();
         let passes = plan.uniform.len();
         let pass_seconds = if passes == 0 { 0.0 } else { report.uniform_seconds / passes as f64 };
-        for pass in &plan.uniform {
-            let names: Vec<_> = pass.lights.iter().map(|&index| format!("'{}'", light(index))).collect();
-            let why = match pass.lights.len() {
-                1 => "one direction everywhere: one weight a plane".to_owned(),
-                n => format!(
+        // An environment over encoded values is many passes: one line.
+        for same in plan.uniform.chunk_by(|a, b| a.lights == b.lights) {
+            let lights = &same[0].lights;
+            let names: Vec<_> = lights.iter().map(|&index| format!("'{}'", light(index))).collect();
+            let why = match (same.len(), lights.len()) {
+                (1, 1) => "one direction everywhere: one weight a plane".to_owned(),
+                (1, n) => format!(
                     "{n} lights in one weight a plane, which saved about {}",
                     time((n - 1) as f64 * pass_seconds)
                 ),
+                (n, _) => {
+                    format!("{n} directions, each decoded before they add up: the asset's values are encoded")
+                }
             };
             lines.push(format!("pass over the picture: {} ({why})", names.join(", ")));
         }

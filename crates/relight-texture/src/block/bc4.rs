@@ -6,6 +6,19 @@
 
 use super::encode::BlockRow;
 use super::{BlockCoding, Quality};
+use relight_core::{CpuLevel, Vectorized};
+
+/// An expression for each of a block's 16 values. A macro rather than `map`, which is not inlined into what is
+/// compiled for a CPU level.
+macro_rules! lanes {
+    (|$i:ident| $expression:expr) => {{
+        let mut out = [0.0f32; 16];
+        for ($i, out) in out.iter_mut().enumerate() {
+            *out = $expression;
+        }
+        out
+    }};
+}
 
 /// 16 values of a channel in codes: 0..255, or -127..127.
 struct Channel {
@@ -91,14 +104,32 @@ fn two_channels(row: &BlockRow<'_>, signed: bool, coding: BlockCoding, out: &mut
     }
 }
 
-/// The block of 16 values, 0..1 or -1..1.
+/// The block of 16 values, 0..1 or -1..1, by the widest vectors there are: a block's values fit one, and no sum
+/// depends on how wide they are.
 pub(super) fn encode(values: [f32; 16], signed: bool, quality: Quality) -> [u8; 8] {
-    let (least, largest) = if signed { (-127, 127) } else { (0, 255) };
-    let channel = Channel { values: values.map(|q| q * largest as f32), least, largest };
-    channel.block(channel.palette(&effort(quality)))
+    CpuLevel::detect().run(Block { values, signed, effort: &effort(quality) })
+}
+
+struct Block<'a> {
+    values: [f32; 16],
+    signed: bool,
+    effort: &'a Effort,
+}
+
+impl Vectorized for Block<'_> {
+    type Output = [u8; 8];
+
+    #[inline(always)]
+    fn run(self) -> [u8; 8] {
+        let (least, largest) = if self.signed { (-127, 127) } else { (0, 255) };
+        let channel = Channel { values: lanes!(|i| self.values[i] * largest as f32), least, largest };
+        let palette = channel.palette(self.effort);
+        channel.block(palette)
+    }
 }
 
 /// The nearest integer, for magnitudes below 2^22, in two additions.
+#[inline(always)]
 fn nearest(value: f32) -> f32 {
     (value + 12_582_912.0) - 12_582_912.0
 }
@@ -112,19 +143,24 @@ fn nearest_step<const STEPS: usize>(along: f32) -> f32 {
 }
 
 /// The size of a step, and its inverse (0 without a range).
+#[inline(always)]
 fn step<const STEPS: usize>(low: f32, high: f32) -> (f32, f32) {
     let range = high - low;
     (range / STEPS as f32, if range > 0.0 { STEPS as f32 / range } else { 0.0 })
 }
 
 /// The sum, in an order that needs no shuffling of vectors.
+#[inline(always)]
 fn sum(values: [f32; 16]) -> f32 {
-    let four: [f32; 4] =
-        std::array::from_fn(|i| (values[i] + values[4 + i]) + (values[8 + i] + values[12 + i]));
+    let mut four = [0.0; 4];
+    for (i, four) in four.iter_mut().enumerate() {
+        *four = (values[i] + values[4 + i]) + (values[8 + i] + values[12 + i]);
+    }
     (four[0] + four[2]) + (four[1] + four[3])
 }
 
 impl Channel {
+    #[inline(always)]
     fn palette(&self, effort: &Effort) -> Palette {
         let (low, high) = self.range(|_| true);
         let (least, largest) = (self.least as f32, self.largest as f32);
@@ -159,25 +195,28 @@ impl Channel {
     }
 
     /// The least and the largest of some of the values.
+    #[inline(always)]
     fn range(&self, of: impl Fn(f32) -> bool) -> (f32, f32) {
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        for value in self.values.into_iter().filter(|value| of(*value)) {
-            low = if value < low { value } else { low };
-            high = if value > high { value } else { high };
+        let low = lanes!(|i| if of(self.values[i]) { self.values[i] } else { f32::INFINITY });
+        let high = lanes!(|i| if of(self.values[i]) { self.values[i] } else { f32::NEG_INFINITY });
+        let (mut lowest, mut highest) = (f32::INFINITY, f32::NEG_INFINITY);
+        for (low, high) in low.into_iter().zip(high) {
+            lowest = if low < lowest { low } else { lowest };
+            highest = if high > highest { high } else { highest };
         }
-        (low, high)
+        (lowest, highest)
     }
 
     /// Ends of least squared error for the nearest steps between the given ones, twice.
+    #[inline(always)]
     fn refitted<const STEPS: usize>(&self, mut low: f32, mut high: f32) -> (f32, f32) {
         for _ in 0..2 {
             let (_, inverse) = step::<STEPS>(low, high);
             // How far along each value is, and the values from `low` on.
-            let along =
-                self.values.map(|value| nearest_step::<STEPS>((value - low) * inverse) / STEPS as f32);
-            let from_low = self.values.map(|value| value - low);
-            let (b, bb) = (sum(along), sum(along.map(|b| b * b)));
-            let (x, bx) = (sum(from_low), sum(std::array::from_fn(|i| along[i] * from_low[i])));
+            let along = lanes!(|i| nearest_step::<STEPS>((self.values[i] - low) * inverse) / STEPS as f32);
+            let from_low = lanes!(|i| self.values[i] - low);
+            let (b, bb) = (sum(along), sum(lanes!(|i| along[i] * along[i])));
+            let (x, bx) = (sum(from_low), sum(lanes!(|i| along[i] * from_low[i])));
             let (aa, ab, ax) = (16.0 - 2.0 * b + bb, b - bb, x - bx);
             let determinant = aa * bb - ab * ab;
             if determinant < 1e-3 {
@@ -191,6 +230,7 @@ impl Channel {
     }
 
     /// Ends as codes, moved by ever smaller strides while that helps.
+    #[inline(always)]
     fn improve<const STEPS: usize>(&self, (low, high): (f32, f32), effort: &Effort, best: &mut Best) {
         let code = |value: f32| (nearest(value) as i32).clamp(self.least, self.largest);
         let mut at = Palette { low: code(low), high: code(high), steps: STEPS };
@@ -217,6 +257,7 @@ impl Channel {
     }
 
     /// Tries all ends within so many codes of those given, in strides.
+    #[inline(always)]
     fn search<const STEPS: usize>(&self, at: Palette, window: i32, stride: i32, best: &mut Best) {
         let gap = if STEPS == 7 { 1 } else { 0 };
         for low in (at.low - window..=at.low + window).step_by(stride as usize) {
@@ -234,11 +275,13 @@ impl Channel {
     }
 
     /// The sum of squared differences, in codes.
+    #[inline(always)]
     fn error<const STEPS: usize>(&self, palette: Palette) -> f32 {
         let low = palette.low as f32;
         let (step, inverse) = step::<STEPS>(low, palette.high as f32);
         let (least, largest) = (self.least as f32, self.largest as f32);
-        sum(self.values.map(|value| {
+        sum(lanes!(|i| {
+            let value = self.values[i];
             let k = nearest_step::<STEPS>((value - low) * inverse);
             let mut difference = (value - (low + k * step)).abs();
             if STEPS == 5 {
@@ -250,6 +293,7 @@ impl Channel {
         }))
     }
 
+    #[inline(always)]
     fn block(&self, palette: Palette) -> [u8; 8] {
         let Palette { low, high, steps } = palette;
         let (first, second, indices) =
@@ -264,6 +308,7 @@ impl Channel {
     }
 
     /// Indices where the higher code is stored first.
+    #[inline(always)]
     fn seven(&self, palette: Palette) -> [u64; 16] {
         let low = palette.low as f32;
         let (_, inverse) = step::<7>(low, palette.high as f32);
@@ -275,6 +320,7 @@ impl Channel {
     }
 
     /// Indices where the lower code is stored first.
+    #[inline(always)]
     fn five(&self, palette: Palette) -> [u64; 16] {
         let low = palette.low as f32;
         let (step, inverse) = step::<5>(low, palette.high as f32);
