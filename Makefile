@@ -38,7 +38,7 @@ doc:
 ## Time, memory and stages beside djpeg; wants ../shared/data/relief1024 and djpeg (libjpeg-turbo-progs).
 bench:
 	$(CARGO) bench --package relight --bench bake
-	cargo bench -p relight-lights --bench paths
+	$(CARGO) bench --package relight-lights --bench paths
 
 ## What each basis and each block format reaches, as the tables of docs/accuracy.md.
 accuracy:
