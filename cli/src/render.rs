@@ -201,7 +201,7 @@ fn draw(
     machine: &Machine,
 ) -> Result<Drawn, Failure> {
     let plan = Plan::new(&job.scene, &loaded.maps.model, arguments.accuracy);
-    if plan.reads_positions && loaded.positions.is_none() {
+    if plan.reads_positions() && loaded.positions.is_none() {
         let name = first_local(&job.scene, &plan);
         let map = positions(&arguments.asset, arguments.positions.as_deref(), name, &loaded.maps, machine)?;
         loaded.positions = Some(map);
@@ -237,7 +237,7 @@ pub(crate) fn relit_by_scene(
     let file = read_scene(scene, machine.level, machine.memory)?;
     let scene = file.scene(scene, file.times.first().copied().unwrap_or(0.0))?;
     let plan = Plan::new(&scene, &maps.model, Accuracy::Exact);
-    let map = match plan.reads_positions {
+    let map = match plan.reads_positions() {
         true => Some(positions(asset, None, first_local(&scene, &plan), maps, machine)?),
         false => None,
     };

@@ -1,5 +1,6 @@
 //! Camera files: JSON or TOML with the same fields, which docs/formats.md describes.
 
+use crate::machine::line_of;
 use crate::{FormatError, read_text};
 use relight_core::{Camera, Projection};
 use serde::Deserialize;
@@ -67,7 +68,7 @@ fn from_json(text: &str) -> Result<CameraRecord, String> {
 
 fn from_toml(text: &str) -> Result<CameraRecord, String> {
     toml::from_str(text).map_err(|error| {
-        let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
+        let line = error.span().map_or(1, |span| line_of(text, span.start));
         format!("is no camera: {} at line {line}", error.message().replace('\n', " "))
     })
 }
@@ -174,10 +175,10 @@ mod tests {
                  forward = {forward}\n{v}"
             ))
         };
-        let ray = of("", "[0, 0.8, -0.6]").unwrap();
+        let ray = of("", "[0, 4, -3]").unwrap();
         assert_eq!((ray.forward, ray.right), ([0.0, 0.8, -0.6], [1.0, 0.0, 0.0]));
-        assert_eq!(of("v = 'eye_to_scene'", "[0, 1.6, -1.2]").unwrap(), ray);
-        assert_eq!(of("v = 'scene_to_eye'", "[0, -0.8, 0.6]").unwrap(), ray);
+        assert_eq!(of("v = 'eye_to_scene'", "[0, 8, -6]").unwrap(), ray);
+        assert_eq!(of("v = 'scene_to_eye'", "[0, -12, 9]").unwrap(), ray);
     }
 
     #[test]

@@ -45,3 +45,8 @@ pub fn read_text(path: &Path) -> Result<String, FormatError> {
     }
     String::from_utf8(bytes).map_err(|_| FormatError::invalid(path, "is not UTF-8 text; save it as UTF-8"))
 }
+
+/// The line, 1 the first, that holds byte `at` of `text`.
+pub(crate) fn line_of(text: &str, at: usize) -> usize {
+    text.as_bytes()[..at.min(text.len())].iter().filter(|byte| **byte == b'\n').count() + 1
+}

@@ -1,5 +1,6 @@
 //! Scene files: lights in TOML. docs/formats.md has the fields.
 
+use crate::machine::line_of;
 use crate::{FormatError, Samples, decode, read_text};
 use relight_core::relighter::Picture;
 use relight_core::{CpuLevel, Direction, linear_from_srgb};
@@ -464,9 +465,4 @@ impl LightRecord {
 
 fn toward(v: [f64; 3], name: &str) -> Result<Direction, String> {
     Direction::new(v[0], v[1], v[2]).map_err(|error| format!("light '{name}': {error}"))
-}
-
-/// The line, 1 the first, that holds byte `at` of `text`.
-fn line_of(text: &str, at: usize) -> usize {
-    text.as_bytes()[..at.min(text.len())].iter().filter(|byte| **byte == b'\n').count() + 1
 }

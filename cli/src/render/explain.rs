@@ -3,7 +3,6 @@
 use super::jobs::Job;
 use super::{Drawn, Loaded};
 use crate::say::say;
-use relight_core::Texels;
 use relight_lights::LightReport;
 use serde_json::{Value, json};
 
@@ -65,7 +64,7 @@ impl Explanation {
         for (index, why) in &plan.dark {
             lines.push(format!("'{}' is left out: {why}", light(*index)));
         }
-        let saved_by_positions = if plan.reads_positions {
+        let saved_by_positions = if plan.reads_positions() {
             lines.push(format!("positions: {} pixels read", report.positions_read));
             0.0
         } else {
@@ -155,16 +154,7 @@ fn mean_seconds(lights: &[LightReport]) -> f64 {
 fn position_seconds(loaded: &Loaded) -> f64 {
     /// Four halves a pixel.
     const BYTES: f64 = 8.0;
-    let planes: usize = loaded
-        .maps
-        .planes
-        .iter()
-        .map(|plane| match &plane.texels {
-            Texels::U8(texels) => texels.len(),
-            Texels::F16(texels) => 2 * texels.len(),
-            Texels::F32(texels) => 4 * texels.len(),
-        })
-        .sum();
+    let planes: u64 = loaded.maps.planes.iter().map(|plane| plane.texels.bytes()).sum();
     loaded.seconds * BYTES * loaded.maps.pixels() as f64 / planes.max(1) as f64
 }
 

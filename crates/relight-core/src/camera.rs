@@ -1,5 +1,6 @@
 //! Cameras: which ray a pixel sees, and where a point is seen.
 
+use crate::vectors::{cross, dot, length, unit};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt;
 
@@ -203,7 +204,7 @@ impl Camera {
         let (width, height) = (self.width as f64, self.height as f64);
         let pixel =
             |across: f64, upwards: f64| (0.5 * width * (across + 1.0), 0.5 * (height - width * upwards));
-        let distance = largest_first_length([u, v, w]);
+        let distance = length([u, v, w]);
         let (x, y, distance) = match self.projection {
             Projection::Perspective { fov_x } => {
                 let half = libm::tan(0.5 * fov_x);
@@ -235,30 +236,6 @@ fn check_coordinates(mut values: impl Iterator<Item = f64>) -> Result<(), Camera
         }
         None => Ok(()),
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// The length, without overflow or underflow of squares.
-fn largest_first_length(v: [f64; 3]) -> f64 {
-    let largest = v.iter().fold(0.0f64, |a, c| a.max(c.abs()));
-    if largest == 0.0 || !largest.is_finite() {
-        return largest;
-    }
-    let scaled = v.map(|c| c / largest);
-    largest * dot(scaled, scaled).sqrt()
-}
-
-/// The unit vector along `v`; `None` for 0.
-fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
-    let length = largest_first_length(v);
-    (length > 0.0).then(|| v.map(|c| c / length))
 }
 
 #[cfg(test)]

@@ -24,8 +24,10 @@ mod position_map;
 pub mod relighter;
 pub mod sphere;
 mod stack;
+pub mod texture_lookup;
 mod transfer;
 mod unit_values;
+pub mod vectors;
 pub mod weighted_sums;
 mod wrap;
 

@@ -2,6 +2,7 @@
 
 use crate::scene::{Attenuation, Lamp, Light};
 use relight_core::basis::ptm_exponents;
+use relight_core::vectors::{difference, dot, length, scaled};
 use relight_core::{
     Basis, CpuLevel, PlaneRole, PositionMap, RelightingMap, RelightingMaps, SKY, Space, Texels, Vectorized,
     linear_from_srgb,
@@ -121,15 +122,14 @@ impl Box3 {
     fn is_beyond_the_cone(&self, light: &Light, position: [f64; 3]) -> bool {
         let (Lamp::Spot(spot), Some((least, largest))) = (&light.lamp, self.near) else { return false };
         let middle = [0, 1, 2].map(|i| 0.5 * (least[i] + largest[i]) - position[i]);
-        let length = |v: [f64; 3]| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-        let radius = 0.5 * length([0, 1, 2].map(|i| largest[i] - least[i]));
+        let radius = 0.5 * length(difference(largest, least));
         let distance = length(middle);
         if distance <= radius {
             return false;
         }
         let axis = spot.axis.components();
-        let along = (0..3).map(|i| middle[i] * axis[i]).sum::<f64>();
-        let across = length([0, 1, 2].map(|i| middle[i] - along * axis[i]));
+        let along = dot(middle, axis);
+        let across = length(difference(middle, scaled(axis, along)));
         // With a margin for rounding of f32.
         libm::atan2(across, along) - libm::asin((radius / distance).min(1.0)) > spot.cone + 1e-3
     }

@@ -4,6 +4,7 @@ use crate::horizon::Horizon;
 use rayon::prelude::*;
 use relight_core::relighter::Picture;
 use relight_core::sphere::{Cap, fibonacci_in};
+use relight_core::vectors::cross;
 use relight_core::{Basis, Direction};
 use std::f64::consts::PI;
 use std::fmt;
@@ -223,10 +224,6 @@ fn nodes(degrees: f64) -> &'static [(f64, f64)] {
         d if d < 20.0 => &FOUR,
         _ => &EIGHT,
     }
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Means over whole squares of pixels (of equal area in a row; the rows of a square differ little), so that

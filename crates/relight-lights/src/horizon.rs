@@ -2,6 +2,7 @@
 
 use crate::scene::HorizonRule;
 use relight_core::sphere::Cap;
+use relight_core::vectors::{difference, dot, frame_around, scaled, unit};
 use relight_core::{Basis, Direction, Model};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -64,8 +65,7 @@ impl Horizon {
         match self.rule {
             HorizonRule::Extrapolate => Taken { direction, factor: 1.0 },
             HorizonRule::DropOff { width } => {
-                let [a, d] = [axis, direction].map(Direction::components);
-                let height = a[0] * d[0] + a[1] * d[1] + a[2] * d[2];
+                let height = dot(axis.components(), direction.components());
                 Taken { direction, factor: (height / width).clamp(0.0, 1.0) }
             }
             HorizonRule::Fade => {
@@ -84,11 +84,8 @@ impl Horizon {
 /// circle does.
 fn at_angle(axis: Direction, direction: Direction, angle: f64) -> Direction {
     let [a, d] = [axis, direction].map(Direction::components);
-    let along = a[0] * d[0] + a[1] * d[1] + a[2] * d[2];
-    let across = [0, 1, 2].map(|i| d[i] - along * a[i]);
-    let across = Direction::new(across[0], across[1], across[2])
-        .unwrap_or_else(|_| Cap { axis, radius: PI }.from_pole(Direction::RIGHT))
-        .components();
+    let across = difference(d, scaled(a, dot(a, d)));
+    let across = unit(across).unwrap_or_else(|| frame_around(a)[0]);
     let (sin, cos) = libm::sincos(angle);
     let turned = [0, 1, 2].map(|i| cos * a[i] + sin * across[i]);
     Direction::new(turned[0], turned[1], turned[2]).unwrap_or(axis)

@@ -4,8 +4,10 @@ use crate::elementary::{LANES, lanes, squared_angle};
 use crate::horizon::Horizon;
 use crate::path::Directions;
 use crate::scene::{Attenuation, Gobo, HorizonRule, Lamp, Light, Spot};
-use relight_core::sphere::Cap;
-use relight_core::{CpuLevel, Direction, PositionMap, Vectorized};
+use relight_core::relighter::Picture;
+use relight_core::texture_lookup::{bilinear_taps, color_at};
+use relight_core::vectors::{cross, difference, dot, frame_around, length, scaled};
+use relight_core::{CpuLevel, Direction, PositionMap, Vectorized, Wrap};
 use std::f32::consts::PI;
 
 /// Lamps nearer to a surface than this are at it: no direction is the right one, and they light nothing there.
@@ -135,9 +137,9 @@ impl RowLight {
         for i in 0..self.x.len() {
             // From the lamp to the surface.
             let to = [-self.x[i], -self.y[i], -self.z[i]].map(f64::from);
-            let [u, v, w] = [right, up, axis].map(|a| a[0] * to[0] + a[1] * to[1] + a[2] * to[2]);
+            let [u, v, w] = [right, up, axis].map(|a| dot(a, to));
             let lit = w > 0.0 && self.strength[i] != 0.0;
-            let color = if lit { bilinear(&gobo.picture, u / w / half, v / w / half) } else { [0.0; 3] };
+            let color = if lit { color_of(&gobo.picture, u / w / half, v / w / half) } else { [0.0; 3] };
             for (out, value) in out.iter_mut().zip(color) {
                 out.push(value);
             }
@@ -146,38 +148,19 @@ impl RowLight {
     }
 }
 
-/// The colour at (u, v), -1 to 1 to the right and upwards, between pixel centres; the edge goes on.
-fn bilinear(picture: &relight_core::relighter::Picture, u: f64, v: f64) -> [f32; 3] {
-    let place = |at: f64, size: usize| {
-        let at = (0.5 * (at + 1.0) * size as f64 - 0.5).clamp(0.0, (size - 1) as f64);
-        let first = (at as usize).min(size.saturating_sub(2));
-        (first, (first + 1).min(size - 1), (at - first as f64) as f32)
-    };
-    let (x0, x1, fx) = place(u, picture.width);
-    let (y0, y1, fy) = place(-v, picture.height);
-    [0, 1, 2].map(|c| {
-        let c = c.min(picture.channels - 1);
-        let sample = |x: usize, y: usize| picture.samples[(y * picture.width + x) * picture.channels + c];
-        let upper = sample(x0, y0) + fx * (sample(x1, y0) - sample(x0, y0));
-        let lower = sample(x0, y1) + fx * (sample(x1, y1) - sample(x0, y1));
-        upper + fy * (lower - upper)
-    })
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+/// The colour at (u, v), -1 to 1 to the right and upwards; the edge goes on.
+fn color_of(picture: &Picture, u: f64, v: f64) -> [f32; 3] {
+    let place = [0.5 * (1.0 + u), 0.5 * (1.0 - v)];
+    color_at(picture, &bilinear_taps(picture.width, picture.height, Wrap::Clamp, place))
 }
 
 /// The unit vector nearest to `vector` that is perpendicular to `axis`; any where they are parallel.
 fn perpendicular(vector: [f64; 3], axis: [f64; 3]) -> [f64; 3] {
-    let along = (0..3).map(|i| vector[i] * axis[i]).sum::<f64>();
-    let rest = [0, 1, 2].map(|i| vector[i] - along * axis[i]);
-    let length = rest.iter().map(|c| c * c).sum::<f64>().sqrt();
-    if length > 1e-9 {
-        return rest.map(|c| c / length);
+    let rest = difference(vector, scaled(axis, dot(vector, axis)));
+    if length(rest) > 1e-9 {
+        return scaled(rest, 1.0 / length(rest));
     }
-    let axis = Direction::new(axis[0], axis[1], axis[2]).unwrap_or(Direction::OUT);
-    Cap { axis, radius: 0.0 }.from_pole(Direction::RIGHT).components()
+    frame_around(axis)[0]
 }
 
 /// Unit vectors towards a lamp and its strength.

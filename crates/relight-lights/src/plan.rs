@@ -24,8 +24,6 @@ pub struct Plan {
     pub dark: Vec<(usize, &'static str)>,
     /// Channels of the picture.
     pub channels: usize,
-    /// Whether any pass needs positions.
-    pub reads_positions: bool,
 }
 
 /// A picture under light that comes from the same direction everywhere.
@@ -83,7 +81,12 @@ impl Plan {
             (r != g || g != b || gobo || environment) && dark.iter().all(|(dark, _)| *dark != index)
         });
         let channels = if colored { 3 } else { model.channels() };
-        Self { horizon, path, uniform, reads_positions: !local.is_empty(), local, dark, channels }
+        Self { horizon, path, uniform, local, dark, channels }
+    }
+
+    /// Whether any light needs positions.
+    pub fn reads_positions(&self) -> bool {
+        !self.local.is_empty()
     }
 
     /// The evaluator of the plan's path.

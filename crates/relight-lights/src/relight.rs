@@ -78,8 +78,8 @@ pub fn relight_scene(
     settings: &Settings,
     recycled: Vec<f32>,
 ) -> (Picture, Report) {
-    let positions = positions.filter(|_| plan.reads_positions);
-    assert!(!plan.reads_positions || positions.is_some(), "local lights need positions");
+    let positions = positions.filter(|_| plan.reads_positions());
+    assert!(!plan.reads_positions() || positions.is_some(), "local lights need positions");
     assert!(
         positions.is_none_or(|map| (map.width, map.height) == (maps.width, maps.height)),
         "positions have the asset's size"
@@ -133,7 +133,7 @@ struct Worker<'a> {
     evaluator: Option<Evaluator>,
     /// Of the asset: one or three.
     channels: Vec<Channel<'a>>,
-    /// The most that a sample can be.
+    /// The most that a sample can be; 1 where that decides nothing.
     largest: [f64; 3],
 }
 
@@ -176,7 +176,9 @@ impl<'a> Worker<'a> {
                 PlaneRole::BaseColor { channel } => channels[usize::from(channel)].factor = Some(index),
             }
         }
-        let largest = if plan.local.is_empty() { [0.0; 3] } else { largest_samples(maps) };
+        // Without a step only a light that can't reach is left out, whatever the asset holds.
+        let largest =
+            if settings.step > 0.0 && !plan.local.is_empty() { largest_samples(maps) } else { [1.0; 3] };
         Self {
             maps,
             positions,

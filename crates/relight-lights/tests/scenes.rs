@@ -100,7 +100,7 @@ fn settings() -> Settings {
 fn drawn(maps: &RelightingMaps, scene: &Scene, settings: Settings) -> (Picture, Report) {
     let plan = Plan::new(scene, &maps.model, Accuracy::Exact);
     let positions = positions();
-    relight_scene(maps, plan.reads_positions.then_some(&positions), scene, &plan, &settings, Vec::new())
+    relight_scene(maps, plan.reads_positions().then_some(&positions), scene, &plan, &settings, Vec::new())
 }
 
 /// The relit sample of a pixel under one direction, decoded: the definition, in f64.
@@ -356,7 +356,7 @@ fn directional_lights_and_environments_of_linear_assets_are_one_pass() {
     let plan = Plan::new(&scene, &maps.model, Accuracy::Exact);
     assert_eq!(plan.uniform.len(), 1);
     assert_eq!(plan.uniform[0].lights, [0, 1, 2]);
-    assert!(!plan.reads_positions && plan.path.is_none());
+    assert!(!plan.reads_positions() && plan.path.is_none());
     let (picture, report) = relight_scene(&maps, None, &scene, &plan, &settings(), Vec::new());
     assert_eq!(report.positions_read, 0);
     // The environment by brute force: each pixel of it cut into 40 x 40 directional lights.
@@ -534,6 +534,6 @@ fn lights_that_do_nothing_are_named() {
     ]);
     let plan = Plan::new(&scene, &dome, Accuracy::Exact);
     assert_eq!(plan.dark.iter().map(|(index, _)| *index).collect::<Vec<_>>(), [0, 1, 2, 3]);
-    assert!(!plan.reads_positions);
+    assert!(!plan.reads_positions());
     assert_eq!(plan.channels, 3);
 }

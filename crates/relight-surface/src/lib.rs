@@ -16,8 +16,6 @@ mod rasterizer;
 mod tangent_frame;
 mod tangent_space;
 mod tangents;
-mod texture_lookup;
-mod vectors;
 
 pub use dilation::dilate;
 pub use draw::DrawSettings;

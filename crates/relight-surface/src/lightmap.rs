@@ -1,9 +1,9 @@
 //! Variable lightmaps: a relit texture times the surface's own colour.
 
 use crate::draw::{drawn, interpolated};
-use crate::texture_lookup::{bilinear_taps, color_at};
 use crate::{DrawSettings, Mesh, SurfaceError};
 use relight_core::relighter::Picture;
+use relight_core::texture_lookup::{bilinear_taps, color_at};
 use relight_core::{Camera, Wrap};
 
 /// The surface's own colour, in linear light.

@@ -2,7 +2,7 @@
 
 use crate::SurfaceError;
 use crate::tangents::with_tangents;
-use crate::vectors::{cross, difference, unit, wide};
+use relight_core::vectors::{cross, difference, unit, wide};
 
 /// A mesh of triangles in the axes of its world.
 ///

@@ -1,9 +1,9 @@
 //! Perspective pictures out of panoramas.
 
 use crate::panorama_lookup::{Kernel, color_at};
-use crate::vectors::{cross, dot, length, scaled};
 use rayon::prelude::*;
 use relight_core::relighter::Picture;
+use relight_core::vectors::{cross, dot, length, scaled};
 use relight_core::{Camera, CameraError, Projection};
 use std::f64::consts::{FRAC_PI_2, PI};
 

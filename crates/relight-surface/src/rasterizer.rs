@@ -6,9 +6,9 @@
 //! signs to the bit, so that no pixel between them is missed or drawn twice.
 //! Source: Olano and Greer, *Triangle Scan Conversion using 2D Homogeneous Coordinates*, 1997.
 
-use crate::vectors::{cross, difference, dot, wide};
 use crate::{Mesh, SurfaceError};
 use rayon::prelude::*;
+use relight_core::vectors::{cross, difference, dot, wide};
 use relight_core::{Camera, Projection};
 
 /// Rows drawn at a time.

@@ -1,6 +1,6 @@
 //! Frames in which a surface sees lights.
 
-use crate::vectors::{cross, difference, dot, scaled, unit};
+use relight_core::vectors::{cross, difference, dot, frame_around, scaled, unit};
 
 /// Axes of a point of a surface, orthonormal: a light's coordinates along them are those of the light
 /// directions of a capture (x right, y up, z out of the picture).
@@ -34,18 +34,10 @@ impl TangentFrame {
 
     /// Some right-handed frame around the unit vector `normal`, always the same one.
     ///
-    /// Source: Duff et al., *Building an Orthonormal Basis, Revisited*, JCGT 6(1), 2017, listing 3; -0
-    /// counts as 0, so that equal normals have equal frames.
+    /// Source: as of [`frame_around`].
     pub fn around(normal: [f64; 3]) -> Self {
-        let [x, y, z] = normal;
-        let sign = if z >= 0.0 { 1.0 } else { -1.0 };
-        let a = -1.0 / (sign + z);
-        let b = x * y * a;
-        Self {
-            tangent: [1.0 + sign * x * x * a, sign * b, -sign * x],
-            bitangent: [b, sign + y * y * a, -y],
-            normal,
-        }
+        let [tangent, bitangent] = frame_around(normal);
+        Self { tangent, bitangent, normal }
     }
 
     /// `direction` along the axes.

@@ -2,10 +2,10 @@
 
 use crate::draw::{drawn, interpolated};
 use crate::rasterizer::Fragment;
-use crate::texture_lookup::{Taps, bilinear_taps};
-use crate::vectors::{cross, difference, dot, length, scaled, wide};
 use crate::{DrawSettings, Mesh, SurfaceError, TangentFrame};
 use relight_core::relighter::{DirectionalLight, Picture};
+use relight_core::texture_lookup::{Taps, bilinear_taps};
+use relight_core::vectors::{cross, difference, dot, length, scaled, wide};
 use relight_core::{
     Camera, Direction, PlaneRole, Projection, RelightingMap, RelightingMaps, Space, Texels, linear_from_srgb,
 };

@@ -1,8 +1,8 @@
 //! Tangents from texture coordinates.
 
 use crate::mesh::at;
-use crate::vectors::{cross, difference, dot, length, scaled, unit, wide};
 use crate::{Mesh, TangentFrame};
+use relight_core::vectors::{cross, difference, dot, length, scaled, unit, wide};
 
 /// Coordinates whose triangle is thinner than this part of its sides' product have no direction: they are f32.
 const THINNEST: f64 = 1e-6;

@@ -10,6 +10,7 @@ use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer::{Source, View};
 use gltf::mesh::Mode;
 use gltf::{Accessor, Document, Gltf, Node, Primitive, Semantic};
+use relight_core::vectors::cross;
 use relight_surface::Mesh;
 use std::collections::HashSet;
 use std::path::Path;
@@ -285,10 +286,6 @@ fn placed(mut mesh: Mesh, placement: &Placement) -> Mesh {
         mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
     mesh
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// `v` at unit length; 0 stays 0, which drawing knows.

@@ -1,6 +1,7 @@
 //! Spherical caps: the part of the sphere that lights cover.
 
 use crate::Direction;
+use crate::vectors::frame_around;
 
 /// All directions within `radius` of `axis`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,16 +53,12 @@ impl Cap {
 
     /// Turns a direction given relative to the pole (0, 0, 1) so that the pole becomes the axis.
     ///
-    /// Source: Duff et al., *Building an Orthonormal Basis, Revisited*, 2017 (branch-free frame).
+    /// Source: as of [`frame_around`].
     pub fn from_pole(self, direction: Direction) -> Direction {
-        let [x, y, z] = self.axis.components();
-        let sign = if z >= 0.0 { 1.0 } else { -1.0 };
-        let a = -1.0 / (sign + z);
-        let b = x * y * a;
-        let tangent = [1.0 + sign * x * x * a, sign * b, -sign * x];
-        let bitangent = [b, sign + y * y * a, -y];
+        let axis = self.axis.components();
+        let [tangent, bitangent] = frame_around(axis);
         let [u, v, w] = direction.components();
-        let turned = [0, 1, 2].map(|i| u * tangent[i] + v * bitangent[i] + w * [x, y, z][i]);
+        let turned = [0, 1, 2].map(|i| u * tangent[i] + v * bitangent[i] + w * axis[i]);
         Direction::new(turned[0], turned[1], turned[2]).unwrap_or(self.axis)
     }
 }

@@ -1,19 +1,19 @@
 //! Values between texels.
 
-use relight_core::Wrap;
-use relight_core::relighter::Picture;
+use crate::Wrap;
+use crate::relighter::Picture;
 
 /// The four texels around a place and their weights, which add up to 1.
-pub(crate) struct Taps {
+pub struct Taps {
     /// Index of each, row-major.
-    pub(crate) texels: [usize; 4],
+    pub texels: [usize; 4],
     /// Of each.
-    pub(crate) weights: [f32; 4],
+    pub weights: [f32; 4],
 }
 
 /// What bilinear filtering reads at texture coordinates (u, v): 0 to 1 from left to right and from top to
 /// bottom over a picture of `width` x `height`, texel centres at (x + 0.5) / width.
-pub(crate) fn bilinear_taps(width: usize, height: usize, wrap: Wrap, [u, v]: [f64; 2]) -> Taps {
+pub fn bilinear_taps(width: usize, height: usize, wrap: Wrap, [u, v]: [f64; 2]) -> Taps {
     let ([x0, x1], fx) = pair(u, width, wrap);
     let ([y0, y1], fy) = pair(v, height, wrap);
     let (fx, fy) = (fx as f32, fy as f32);
@@ -46,7 +46,7 @@ fn pair(t: f64, size: usize, wrap: Wrap) -> ([usize; 2], f64) {
 }
 
 /// R, G, B of `picture` at `taps`; grey pictures have the same in all.
-pub(crate) fn color_at(picture: &Picture, taps: &Taps) -> [f32; 3] {
+pub fn color_at(picture: &Picture, taps: &Taps) -> [f32; 3] {
     let channels = picture.channels;
     let sum = |channel: usize| {
         let value = |tap: usize| taps.weights[tap] * picture.samples[taps.texels[tap] * channels + channel];
