@@ -135,10 +135,10 @@ fn stages(set: &Path, family: &str, count: usize) {
     let (rebin, ()) = timed(|| rebin_only(&stack));
     let layout = if stack.channels() == 3 { Layout::Rgb } else { Layout::Grey };
     let (once, ()) = timed(|| {
-        for_each_span(&stack, &fit, layout, level, SPAN, |_| Ok::<(), FitError>(())).expect("a fit")
+        for_each_span(&stack, (&fit, layout), level, SPAN, |_| Ok::<(), FitError>(())).expect("a fit")
     });
     let (ranged, distributions) = timed(|| {
-        coefficient_distributions(&stack, &fit, layout, level, || Ok::<(), FitError>(())).expect("ranges")
+        coefficient_distributions(&stack, (&fit, layout), level, || Ok::<(), FitError>(())).expect("ranges")
     });
     let path = folder.join("relight-bench-stages.ktx2");
     let model =
@@ -162,7 +162,7 @@ fn stages(set: &Path, family: &str, count: usize) {
         WriteSettings { coding: Coding::default(), zstd: None, split: false, memory_limit: 1 << 30 };
     let (written, ()) = timed(|| {
         let writer = format.create(&path, header, &settings).expect("a writer");
-        for_each_span(&stack, &fit, layout, level, SPAN, |span| {
+        for_each_span(&stack, (&fit, layout), level, SPAN, |span| {
             writer.write(span).map_err(|_| FitError::NoLights)
         })
         .expect("a fit");

@@ -151,7 +151,7 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         name: "ktx2",
         extension: "ktx2",
         about: "KTX 2.0 array texture that GPUs load as it is",
-        layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey],
+        layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey, Layout::Shared],
         precisions: &[Precision::U8, Precision::F16, Precision::F32],
         textures: true,
         positions: &[Precision::F16, Precision::F32],
@@ -173,7 +173,7 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         name: "dds",
         extension: "dds",
         about: "DDS array texture (DX10) with a JSON manifest beside it",
-        layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey],
+        layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey, Layout::Shared],
         precisions: &[Precision::U8, Precision::F16, Precision::F32],
         textures: true,
         positions: &[Precision::F16, Precision::F32],
@@ -195,7 +195,7 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         name: "exr",
         extension: "exr",
         about: "OpenEXR with a layer for each function, for compositing and inspection",
-        layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey],
+        layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Grey, Layout::Shared],
         precisions: &[Precision::F16, Precision::F32],
         textures: false,
         positions: &[Precision::F32],
@@ -460,6 +460,7 @@ fn layout_name(layout: Layout) -> &'static str {
         Layout::Grey => "grey",
         Layout::Rgb => "rgb",
         Layout::Lrgb => "lrgb",
+        Layout::Shared => "shared",
     }
 }
 
@@ -484,7 +485,7 @@ fn plane_bytes(width: usize, height: usize, model: &Model, format: TexelFormat) 
 /// `b03_uv.R`, `b03_uv.Y`, `base.R`.
 pub fn plane_names(model: &Model) -> Vec<String> {
     let layer = |j: usize| {
-        let label = model.basis.label(j);
+        let label = model.map_label(j);
         let word: String = label
             .chars()
             .map(|c| match c {
@@ -495,12 +496,12 @@ pub fn plane_names(model: &Model) -> Vec<String> {
             .collect();
         format!("b{j:02}_{word}")
     };
-    let functions = 0..model.basis.count();
+    let maps = 0..model.maps();
     let colored = |layer: String| ["R", "G", "B"].map(|channel| format!("{layer}.{channel}"));
     match model.layout {
-        Layout::Rgb => functions.flat_map(|j| colored(layer(j))).collect(),
-        Layout::Grey => functions.map(|j| layer(j) + ".Y").collect(),
-        Layout::Lrgb => functions.map(|j| layer(j) + ".Y").chain(colored("base".to_owned())).collect(),
+        Layout::Rgb => maps.flat_map(|j| colored(layer(j))).collect(),
+        Layout::Grey | Layout::Shared => maps.map(|j| layer(j) + ".Y").collect(),
+        Layout::Lrgb => maps.map(|j| layer(j) + ".Y").chain(colored("base".to_owned())).collect(),
     }
 }
 
@@ -533,10 +534,10 @@ fn check_finite(path: &Path, header: &AssetHeader) -> Result<(), FormatError> {
 
 /// Panics unless `span` has its shapes and lies inside the map.
 fn assert_shape(header: &AssetHeader, span: &CoefficientSpan<'_>) {
-    let channels = header.model.layout.planes_per_function();
+    let channels = header.model.layout.planes_per_map();
     let base = if header.model.layout == Layout::Lrgb { 3 * span.pixels } else { 0 };
     assert!(span.first + span.pixels <= header.width * header.height, "the span leaves the map");
-    assert_eq!(span.functions.len(), header.model.basis.count() * span.pixels * channels, "functions");
+    assert_eq!(span.maps.len(), header.model.maps() * span.pixels * channels, "maps");
     assert_eq!(span.base_color.len(), base, "base colour");
 }
 

@@ -36,6 +36,11 @@ impl OpenCapture {
         self.infos.iter().any(|info| info.sample_type.is_float())
     }
 
+    /// Whether all pictures have one channel.
+    pub fn is_grey(&self) -> bool {
+        self.infos.iter().all(|info| info.channels == 1)
+    }
+
     /// The same capture with only the pictures at `indices`.
     ///
     /// # Panics

@@ -13,7 +13,7 @@ use clap::{Args, ValueEnum};
 use relight_core::basis::{Domain, FAMILIES, Kernel, PointSet, Spread, SrbfDesign};
 use relight_core::{Layout, Model, Space, Stack};
 use relight_fit::{
-    LightWeights, Ridge, Sample, coefficient_distributions, coefficient_sample, for_each_span, span_bytes,
+    LightWeights, Ridge, coefficient_distributions, coefficient_sample, for_each_span, span_bytes,
 };
 use relight_formats::{
     AssetFormat, AssetHeader, AssetPlan, AssetPositions, OpenCapture, Parts, PictureStack, StackSettings,
@@ -31,10 +31,10 @@ pub(crate) struct BakeArguments {
     /// The asset to write: .ktx2, .dds, .exr or .ptm
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Family of functions: ptm, sh, hsh or srbf
+    /// Family of functions: ptm, sh, hsh, srbf, or pca for planes learned from the pictures
     #[arg(long, value_name = "NAME", default_value = "ptm")]
     basis: String,
-    /// Number of functions of light
+    /// Number of functions of light; of pca, planes
     #[arg(short, long, value_name = "N", conflicts_with_all = ["order", "degree"], value_parser = size_of, allow_negative_numbers = true)]
     k: Option<usize>,
     /// Order of sh and hsh, instead of -k
@@ -43,7 +43,8 @@ pub(crate) struct BakeArguments {
     /// Degree of ptm, instead of -k
     #[arg(long, value_name = "N", value_parser = size_of, allow_negative_numbers = true)]
     degree: Option<usize>,
-    /// Three planes a function, or luminance planes and a base colour
+    /// Three planes a function, or luminance planes and a base colour; of pca: planes of any colour, or of
+    /// luminance or chrominance each
     #[arg(long, value_name = "COLOR", value_enum, default_value = "rgb")]
     color: Color,
     /// Values to fit: auto takes 8/16-bit pictures encoded and float pictures linear
@@ -89,6 +90,7 @@ pub(crate) struct BakeArguments {
 enum Color {
     Rgb,
     Lrgb,
+    Ycc,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -187,7 +189,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     check_apart(std::iter::once(&arguments.output).chain(&arguments.report), inputs.iter().copied())?;
     let space = arguments.space(&all);
     let choice = fit::choose_basis(arguments, &fitted)?;
-    let layout = arguments.layout(&fitted);
+    let layout = arguments.layout(&fitted)?;
     let mut model = Model {
         basis: choice.basis.clone(),
         layout,
@@ -214,26 +216,20 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
 
     let span = span_pixels(width, needs_rows(formats.iter().copied(), levels));
     let working = working_bytes(formats.iter().copied(), model.plane_count(), span);
-    let spans =
-        machine.threads as u64 * (span_bytes(fitted.infos.len(), choice.basis.count(), span) + working);
+    let spans = machine.threads as u64 * (span_bytes(fitted.infos.len(), model.maps(), span) + working);
     let kept_back = format.held_bytes(&plan).saturating_add(spans).saturating_add(position_bytes as u64);
     let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &arguments.output))?;
-    let mut fit = stages.time("solve", || -> Result<_, Failure> {
-        let sample = Sample::of(&stack).map_err(relight_fit::FitError::from)?;
-        interrupt::check()?;
-        fit::solve(arguments, choice, &fitted, &sample)
-    })?;
-    model.figures = Some(fit.least_squares.figures);
+    let mut fit = stages.time("solve", || fit::solve(arguments, choice, &fitted, layout, &stack))?;
+    model.basis = fit.solved.basis();
+    model.figures = Some(fit.solved.figures());
 
     let distributions =
         stages.time("ranges", || match formats.iter().any(|&texels| format.needs_ranges(texels)) {
-            true => coefficient_distributions::<Failure>(
-                &stack,
-                &fit.least_squares,
-                layout,
-                machine.level,
-                || Ok(interrupt::check()?),
-            ),
+            true => {
+                coefficient_distributions::<Failure>(&stack, fit.solved.pixel_fit(), machine.level, || {
+                    Ok(interrupt::check()?)
+                })
+            }
             false => Ok(Vec::new()),
         })?;
     let plan = stages.time("formats", || -> Result<_, Failure> {
@@ -241,12 +237,11 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
             true => Some(textures::Trial {
                 sample: coefficient_sample(
                     &stack,
-                    &fit.least_squares,
-                    layout,
+                    fit.solved.pixel_fit(),
                     machine.level,
                     textures::TRIAL_BLOCKS,
                 )?,
-                left_out: fit.least_squares.leave_one_out.left_out.clone(),
+                left_out: fit.solved.leave_one_out().left_out.clone(),
             }),
             false => None,
         };
@@ -263,7 +258,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let writer = format.create_with_positions(&arguments.output, header, &settings, positions)?;
     let bar = progress::bar("fitting", stack.pixels());
     let packed = stages.time("fit and write", || -> Result<_, Failure> {
-        for_each_span::<Failure>(&stack, &fit.least_squares, layout, machine.level, span, |span| {
+        for_each_span::<Failure>(&stack, fit.solved.pixel_fit(), machine.level, span, |span| {
             interrupt::check()?;
             writer.write(span)?;
             bar.inc(span.pixels as u64);
@@ -382,13 +377,26 @@ impl BakeArguments {
         }
     }
 
-    fn layout(&self, capture: &OpenCapture) -> Layout {
-        let grey = capture.infos.iter().all(|info| info.channels == 1);
-        match self.color {
+    fn layout(&self, capture: &OpenCapture) -> Result<Layout, Failure> {
+        let learned = self.family()?.learned;
+        Ok(match self.color {
+            Color::Rgb | Color::Ycc if learned => Layout::Shared,
+            Color::Lrgb if learned => {
+                return Err(Failure::usage("--color lrgb is not for --basis pca; use rgb or ycc"));
+            }
+            Color::Ycc => {
+                let message = format!("--color ycc belongs to --basis pca; {} has rgb and lrgb", self.basis);
+                return Err(Failure::usage(message));
+            }
             Color::Lrgb => Layout::Lrgb,
-            Color::Rgb if grey => Layout::Grey,
+            Color::Rgb if capture.is_grey() => Layout::Grey,
             Color::Rgb => Layout::Rgb,
-        }
+        })
+    }
+
+    /// Whether planes are luminance or chrominance each.
+    fn opponent(&self) -> bool {
+        self.color == Color::Ycc
     }
 
     /// The number of functions asked for by -k, --order or --degree; `None` for the default.

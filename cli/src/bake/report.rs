@@ -1,7 +1,7 @@
 //! What a bake says for itself: a few lines on standard output, everything in `--report`.
 
 use super::Stages;
-use super::fit::BakeFit;
+use super::fit::{BakeFit, Solved};
 use super::positions::PositionFacts;
 use super::textures::Plan;
 use crate::evaluate::Evaluation;
@@ -40,14 +40,13 @@ impl Summary<'_> {
     /// Prints notes and the main figures.
     pub(super) fn print(&self, output: &Path) {
         notes::print(&self.fit.notes);
-        let fit = &self.fit.least_squares;
+        let fit = &self.fit.solved;
         say!(
-            "{}: {} x {}, {} with {} functions, {}, from {} pictures",
+            "{}: {} x {}, {}, {}, from {} pictures",
             output.display(),
             self.fitted.infos[0].width,
             self.fitted.infos[0].height,
-            fit.basis.family().name,
-            fit.basis.count(),
+            fit.words(),
             self.format_names(),
             self.fitted.infos.len()
         );
@@ -56,8 +55,8 @@ impl Summary<'_> {
         let worst = worst.map_or(String::new(), |worst| format!(", {} the most", worst.name));
         say!(
             "error of the fit {:.4}, of predicting each light from the others {:.4}, of storing {:.4}{worst} (rms, 0..1)",
-            fit.figures.fit_rmse,
-            fit.figures.leave_one_out_rmse,
+            fit.figures().fit_rmse,
+            fit.figures().leave_one_out_rmse,
             self.packed.relit_rmse,
         );
         if let Some(positions) = self.positions {
@@ -122,8 +121,12 @@ impl Summary<'_> {
 
     /// The report as JSON text.
     pub(super) fn json(&self, output: &Path) -> String {
-        let fit = &self.fit.least_squares;
-        let decomposition = &fit.decomposition;
+        let fit = &self.fit.solved;
+        let (figures, errors) = (fit.figures(), fit.leave_one_out());
+        let weight = |light: usize| match fit {
+            Solved::Functions(fit, _) => fit.decomposition.weights[light],
+            Solved::Planes(_) => 1.0,
+        };
         let names = &self.fitted.capture.lights.lights;
         let lights: Vec<Value> = names
             .iter()
@@ -133,10 +136,10 @@ impl Summary<'_> {
                 json!({
                     "name": light.name,
                     "direction": light.direction,
-                    "weight": decomposition.weights[i],
-                    "leverage": fit.leave_one_out.leverage[i],
-                    "fit_rmse": fit.leave_one_out.fit[i],
-                    "leave_one_out_rmse": finite(fit.leave_one_out.left_out[i]),
+                    "weight": weight(i),
+                    "leverage": errors.leverage[i],
+                    "fit_rmse": errors.fit[i],
+                    "leave_one_out_rmse": finite(errors.left_out[i]),
                     "misfit": misfit.is_some(),
                     "fits_better": misfit.and_then(|misfit| misfit.better).map(|other| names[other].name.as_str()),
                 })
@@ -144,28 +147,36 @@ impl Summary<'_> {
             .collect();
         let stages: serde_json::Map<String, Value> =
             self.stages.0.iter().map(|(name, seconds)| ((*name).to_owned(), json!(seconds))).collect();
-        let report = json!({
+        let mut report = json!({
             "relight": env!("CARGO_PKG_VERSION"),
             "output": output.to_string_lossy(),
             "width": self.fitted.infos[0].width,
             "height": self.fitted.infos[0].height,
-            "basis": fit.basis,
-            "functions": fit.basis.count(),
+            "basis": self.model.basis,
+            "functions": self.model.basis.count(),
             "precision": self.format_names(),
             "storing": self.storing(),
             "positions": self.positions.map(|positions| &positions.json),
-            "ridge": fit.ridge,
-            "rank": decomposition.rank(),
-            "condition": finite(decomposition.condition()),
-            "singular_values": decomposition.singular_values,
-            "fit_rmse": fit.figures.fit_rmse,
-            "leave_one_out_rmse": finite(fit.figures.leave_one_out_rmse),
+            "fit_rmse": figures.fit_rmse,
+            "leave_one_out_rmse": finite(figures.leave_one_out_rmse),
             "lights": lights,
             "holdout": self.judged.map(Evaluation::to_json),
             "notes": self.notes.iter().chain(&self.fit.notes).collect::<Vec<_>>(),
             "seconds": stages,
             "spilled_bytes": self.spilled,
         });
+        let solution = match fit {
+            Solved::Functions(fit, _) => json!({
+                "ridge": fit.ridge,
+                "rank": fit.decomposition.rank(),
+                "condition": finite(fit.decomposition.condition()),
+                "singular_values": fit.decomposition.singular_values,
+            }),
+            Solved::Planes(fit) => json!({ "smoothing": fit.smoothing, "energy": fit.energy }),
+        };
+        if let (Some(report), Value::Object(solution)) = (report.as_object_mut(), solution) {
+            report.extend(solution);
+        }
         format!("{report:#}\n")
     }
 }

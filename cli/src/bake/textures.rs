@@ -200,7 +200,7 @@ impl TextureOptions {
             BlockChoice::Auto => match layout {
                 Layout::Rgb => AUTO[0].to_vec(),
                 Layout::Grey => AUTO[1].to_vec(),
-                Layout::Lrgb => AUTO.concat(),
+                Layout::Lrgb | Layout::Shared => AUTO.concat(),
             },
         })
     }
@@ -344,13 +344,12 @@ pub(super) fn size_note(packing: &Packing, width: usize, height: usize) -> Optio
 /// The maps among which `auto` distinguishes: the three planes of a function or of the base colour,
 /// or a single plane.
 fn maps_of(model: &Model) -> Vec<Vec<usize>> {
-    let functions = model.basis.count();
+    let maps = model.maps();
     match model.layout {
-        Layout::Rgb => (0..functions).map(|f| (3 * f..3 * f + 3).collect()).collect(),
-        Layout::Grey => (0..functions).map(|f| vec![f]).collect(),
-        Layout::Lrgb => {
-            (0..functions).map(|f| vec![f]).chain([(functions..functions + 3).collect()]).collect()
-        }
+        Layout::Rgb => (0..maps).map(|map| (3 * map..3 * map + 3).collect()).collect(),
+        Layout::Grey => (0..maps).map(|map| vec![map]).collect(),
+        Layout::Shared => (0..maps).collect::<Vec<_>>().chunks(3).map(<[usize]>::to_vec).collect(),
+        Layout::Lrgb => (0..maps).map(|map| vec![map]).chain([(maps..maps + 3).collect()]).collect(),
     }
 }
 
@@ -386,13 +385,13 @@ fn affordable_error(left_out: &[f64], loss: f64) -> f64 {
 
 /// What storing the sample costs.
 fn packed_sample(model: &Model, packing: Packing, coding: Coding, sample: &CoefficientSample) -> PackReport {
-    let stride = model.layout.planes_per_function();
+    let stride = model.layout.planes_per_map();
     let (width, rows) = (4 * TRIAL_ROW, sample.blocks.div_ceil(TRIAL_ROW));
     let packer = Packer::new(width, 4 * rows, model, packing, coding);
-    let count = model.basis.count();
+    let count = model.maps();
     (0..rows).into_par_iter().for_each(|row| {
         let pixels = 4 * width;
-        let mut functions = vec![0.0; count * pixels * stride];
+        let mut maps = vec![0.0; count * pixels * stride];
         let mut base_color = vec![0.0; if model.layout == Layout::Lrgb { 3 * pixels } else { 0 }];
         for (plane, blocks) in sample.planes.iter().enumerate() {
             for column in 0..TRIAL_ROW {
@@ -402,15 +401,12 @@ fn packed_sample(model: &Model, packing: Packing, coding: Coding, sample: &Coeff
                     let pixel = i / 4 * width + 4 * column + i % 4;
                     match plane.checked_sub(count * stride) {
                         Some(channel) => base_color[3 * pixel + channel] = *value,
-                        None => {
-                            functions[(plane / stride * pixels + pixel) * stride + plane % stride] = *value
-                        }
+                        None => maps[(plane / stride * pixels + pixel) * stride + plane % stride] = *value,
                     }
                 }
             }
         }
-        let span =
-            CoefficientSpan { first: row * pixels, pixels, functions: &functions, base_color: &base_color };
+        let span = CoefficientSpan { first: row * pixels, pixels, maps: &maps, base_color: &base_color };
         let written: Result<(), std::convert::Infallible> = packer.write(&span, &|_, _| Ok(()));
         written.unwrap_or_else(|never| match never {});
     });

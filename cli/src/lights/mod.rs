@@ -179,7 +179,7 @@ fn bases(lights: &LightSet) -> Result<(), Failure> {
         say!("{name:>5} {count:>4} {:>12.1}  {:>4}{usable}", found.condition, found.rank);
     };
     let mut largest = Vec::new();
-    for family in &FAMILIES {
+    for family in FAMILIES.iter().filter(|family| !family.learned) {
         let srbf = SrbfDesign::default();
         for count in family.counts_up_to(64) {
             // A family of any count is shown at squares.

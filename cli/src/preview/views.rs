@@ -12,7 +12,7 @@ const AMPLIFICATION: f32 = 16.0;
 pub(super) enum View {
     /// The picture under the light.
     Relit,
-    /// The coefficients of one function of light; in LRGB assets the last is base colour.
+    /// One map; in LRGB assets the last is base colour.
     Map(usize),
     /// The difference of the GPU's picture from the CPU's.
     Difference,
@@ -21,7 +21,7 @@ pub(super) enum View {
 impl View {
     /// Maps that an asset has to show.
     pub(super) fn count(maps: &RelightingMaps) -> usize {
-        maps.model.basis.count() + usize::from(maps.model.layout == Layout::Lrgb)
+        maps.model.maps() + usize::from(maps.model.layout == Layout::Lrgb)
     }
 
     /// The next kind of view.
@@ -45,10 +45,10 @@ impl View {
     pub(super) fn name(self, maps: &RelightingMaps) -> String {
         match self {
             Self::Relit => "relit".to_owned(),
-            Self::Map(map) if map == maps.model.basis.count() => "base colour".to_owned(),
+            Self::Map(map) if map == maps.model.maps() => "base colour".to_owned(),
             Self::Map(map) => {
-                let last = maps.model.basis.count() - 1;
-                format!("map {map} of 0..{last} ({})", maps.model.basis.label(map))
+                let last = maps.model.maps() - 1;
+                format!("map {map} of 0..{last} ({})", maps.model.map_label(map))
             }
             Self::Difference => format!("difference from the CPU x {AMPLIFICATION}"),
         }
@@ -105,11 +105,11 @@ impl Viewed<'_> {
         })
     }
 
-    /// The coefficients of function `map`, or base colour: the least black, the largest white.
+    /// The coefficients of map `map`, or base colour: the least black, the largest white.
     fn map(&self, map: usize) -> Picture {
         let (model, pixels) = (&self.maps.model, self.maps.pixels());
-        let count = if map == model.basis.count() { 3 } else { model.layout.planes_per_function() };
-        let planes = &self.maps.planes[map * model.layout.planes_per_function()..][..count];
+        let count = if map == model.maps() { 3 } else { model.layout.planes_per_map() };
+        let planes = &self.maps.planes[map * model.layout.planes_per_map()..][..count];
         let mut samples = vec![0.0; pixels * count];
         let mut plane_values = vec![0.0; pixels];
         for (channel, plane) in planes.iter().enumerate() {

@@ -25,9 +25,9 @@ pub struct CoefficientSpan<'a> {
     pub first: usize,
     /// Number of pixels.
     pub pixels: usize,
-    /// k rows, one a function, of pixels x c samples each, channels interleaved: c = 3 for
-    /// [`Layout::Rgb`](crate::Layout), 1 for grey and for the luminance of LRGB.
-    pub functions: &'a [f32],
+    /// One row a map ([`Model::maps`]) of pixels x c samples each, channels interleaved: c = 3 for
+    /// [`Layout::Rgb`](crate::Layout), 1 for grey, for shared planes and for the luminance of LRGB.
+    pub maps: &'a [f32],
     /// pixels x 3 samples of base colour for [`Layout::Lrgb`](crate::Layout), otherwise empty.
     pub base_color: &'a [f32],
 }

@@ -24,15 +24,18 @@ pub enum Layout {
     /// One luminance plane a function, then three planes of base colour (largest component 1):
     /// pixel = base colour x luminance.
     Lrgb,
+    /// Planes that serve all channels, each with a function of its own in each channel, and a mean that is a
+    /// function of light alone: pixel = mean + sum of plane x weight. For [`Basis::Learned`] and for nothing
+    /// else.
+    Shared,
 }
 
 impl Layout {
-    /// Planes of coefficients that a function of light has: one for each channel of a pixel in RGB,
-    /// one in all otherwise.
-    pub fn planes_per_function(self) -> usize {
+    /// Planes of a map: one for each channel of a pixel in RGB, one in all otherwise.
+    pub fn planes_per_map(self) -> usize {
         match self {
             Self::Rgb => 3,
-            Self::Grey | Self::Lrgb => 1,
+            Self::Grey | Self::Lrgb | Self::Shared => 1,
         }
     }
 }
@@ -40,9 +43,8 @@ impl Layout {
 /// What one plane contributes: channel `c` of the pixel gains plane x b_f(light) where
 /// `functions[c] = Some(f)`.
 ///
-/// Today's layouts name one function for one channel (RGB) or the same one for all (luminance).
-/// A learned plane names a different function for each channel, pixel = mean + sum of
-/// plane x weight(light, channel), and its mean is a plane whose function is constant 1.
+/// RGB planes name one function for one channel, luminance planes the same one for all, and learned planes
+/// ([`Layout::Shared`]) a function of its own for each channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlaneRole {
     /// A plane of coefficients, by channel of the relit picture.
@@ -84,9 +86,45 @@ pub struct Model {
 impl Model {
     /// Channels of the relit picture: 1 or 3.
     pub fn channels(&self) -> usize {
-        match self.layout {
-            Layout::Grey => 1,
-            Layout::Rgb | Layout::Lrgb => 3,
+        match (self.layout, &self.basis) {
+            (Layout::Shared, Basis::Learned(learned)) => learned.channels(),
+            (Layout::Grey, _) => 1,
+            (Layout::Rgb | Layout::Lrgb | Layout::Shared, _) => 3,
+        }
+    }
+
+    /// Whether layout and basis go together: learned functions have shared planes, no others have.
+    pub fn is_consistent(&self) -> bool {
+        matches!(self.basis, Basis::Learned(_)) == (self.layout == Layout::Shared)
+    }
+
+    /// Maps, rows of samples in a [`CoefficientSpan`](crate::CoefficientSpan): one a function of light, or one a
+    /// plane where planes are shared. Base colour is none of them.
+    pub fn maps(&self) -> usize {
+        match &self.basis {
+            Basis::Learned(learned) => learned.planes(),
+            basis => basis.count(),
+        }
+    }
+
+    /// What map `map` is, in a word.
+    ///
+    /// # Panics
+    /// When there is no such map.
+    pub fn map_label(&self, map: usize) -> String {
+        assert!(map < self.maps(), "map {map}");
+        match &self.basis {
+            Basis::Learned(_) => format!("p{map}"),
+            basis => basis.label(map),
+        }
+    }
+
+    /// The function that each channel of the relit picture has without any plane: the mean of shared planes.
+    pub fn mean_functions(&self) -> [Option<u16>; 3] {
+        match (&self.basis, self.channels()) {
+            (Basis::Learned(_), 1) => [Some(0), None, None],
+            (Basis::Learned(_), _) => [Some(0), Some(1), Some(2)],
+            _ => [None; 3],
         }
     }
 
@@ -103,6 +141,13 @@ impl Model {
                         .map(|functions| PlaneRole::Coefficient { functions })
                 })
                 .collect(),
+            Layout::Shared => (1..=self.maps() as u16)
+                .map(|plane| {
+                    let channels = self.channels() as u16;
+                    let of = |c: u16| (c < channels).then_some(plane * channels + c);
+                    PlaneRole::Coefficient { functions: [of(0), of(1), of(2)] }
+                })
+                .collect(),
             Layout::Lrgb => functions
                 .map(|f| PlaneRole::Coefficient { functions: [Some(f); 3] })
                 .chain((0..3).map(|channel| PlaneRole::BaseColor { channel }))
@@ -110,9 +155,9 @@ impl Model {
         }
     }
 
-    /// Number of planes: k (grey), 3k (rgb) or k + 3 (lrgb).
+    /// Number of planes: k (grey, shared), 3k (rgb) or k + 3 (lrgb).
     pub fn plane_count(&self) -> usize {
         let base_colors = if self.layout == Layout::Lrgb { 3 } else { 0 };
-        self.basis.count() * self.layout.planes_per_function() + base_colors
+        self.maps() * self.layout.planes_per_map() + base_colors
     }
 }

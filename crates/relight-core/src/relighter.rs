@@ -1,7 +1,8 @@
 //! The reference relighter: what a picture under a light is, by definition.
 //!
 //! Every faster path, on the CPU or the GPU, is held to these values: coefficient = scale * q +
-//! bias, channel = sum over planes in order of weight * coefficient, all in f32 without fusing.
+//! bias, channel = sum over planes in order of weight * coefficient, then plus the mean of shared planes, all
+//! in f32 without fusing.
 
 use crate::maps::RelightingMaps;
 use crate::model::{PlaneRole, Space};
@@ -40,6 +41,8 @@ pub struct DirectionalLight {
 struct ChannelTerms {
     planes: Vec<usize>,
     weights: Vec<f32>,
+    /// Without any plane.
+    mean: f32,
 }
 
 /// The planes and weights of each channel under `light`, and the planes that multiply them.
@@ -48,6 +51,9 @@ fn terms_of(maps: &RelightingMaps, light: Direction) -> (Vec<ChannelTerms>, [Opt
     maps.model.basis.evaluate(light, &mut functions);
     let mut terms: Vec<ChannelTerms> = Vec::new();
     terms.resize_with(maps.model.channels(), ChannelTerms::default);
+    for (channel, function) in terms.iter_mut().zip(maps.model.mean_functions()) {
+        channel.mean = function.map_or(0.0, |function| functions[usize::from(function)] as f32);
+    }
     let mut factors = [None; 3];
     for (plane, role) in maps.model.roles().into_iter().enumerate() {
         match role {
@@ -91,7 +97,7 @@ pub fn relight(maps: &RelightingMaps, light: Direction, level: CpuLevel) -> Pict
                 maps.planes[plane].coefficients(first, &mut factor);
             }
             for ((pixel, sum), factor) in out.chunks_exact_mut(channels).zip(&sums).zip(&factor) {
-                pixel[channel] = sum * factor;
+                pixel[channel] = (sum + of_channel.mean) * factor;
             }
         }
     });
@@ -179,7 +185,7 @@ mod tests {
                     (0..6).fold(0.0f32, |sum, j| sum + b[j] as f32 * value(plane(j), x))
                 };
                 let expected = match layout {
-                    Layout::Grey => sum(&|j| j),
+                    Layout::Grey | Layout::Shared => sum(&|j| j),
                     Layout::Rgb => sum(&|j| 3 * j + c),
                     Layout::Lrgb => sum(&|j| j) * value(6 + c, x),
                 };

@@ -2,10 +2,12 @@
 
 mod cap;
 mod coverage;
+mod octahedral;
 mod points;
 mod voronoi;
 
 pub use cap::Cap;
 pub use coverage::{Hole, largest_hole};
+pub use octahedral::{Octahedral, OctahedralTaps};
 pub use points::{fibonacci, fibonacci_in, hammersley, hammersley_in, nearest_neighbour_distances};
 pub use voronoi::voronoi_weights;

@@ -1,6 +1,6 @@
 //! What can go wrong in a fit.
 
-use relight_core::StackError;
+use relight_core::{BasisError, StackError};
 use std::fmt;
 
 /// Why a fit was not made.
@@ -16,6 +16,8 @@ pub enum FitError {
     },
     /// LRGB was asked for pictures of one channel.
     GreyHasNoColor,
+    /// Functions that can't be stored.
+    Basis(BasisError),
     /// The pictures could not be read back.
     Stack(StackError),
 }
@@ -30,6 +32,7 @@ impl fmt::Display for FitError {
             Self::GreyHasNoColor => {
                 write!(f, "the pictures are grey, so there is no base colour to store; use --color rgb")
             }
+            Self::Basis(error) => write!(f, "{error}"),
             Self::Stack(error) => write!(f, "{error}"),
         }
     }

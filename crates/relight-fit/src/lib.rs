@@ -5,9 +5,12 @@
 
 mod decomposition;
 mod error;
+mod interpolation;
+mod learned;
 mod least_squares;
 mod leave_one_out;
 mod misfit;
+mod principal;
 mod rebin;
 mod sample;
 mod singular_values;
@@ -15,9 +18,12 @@ mod usable;
 
 pub use decomposition::{Decomposition, LightWeights, RANK_TOLERANCE};
 pub use error::FitError;
+pub use learned::{LearnedDesign, LearnedFit};
 pub use least_squares::{LeastSquares, Ridge};
 pub use leave_one_out::LeaveOneOut;
 pub use misfit::{Misfit, misfits};
-pub use rebin::{SPAN, coefficient_distributions, coefficient_sample, fit_map, for_each_span, span_bytes};
-pub use sample::Sample;
+pub use rebin::{
+    PixelFit, SPAN, coefficient_distributions, coefficient_sample, fit_map, for_each_span, span_bytes,
+};
+pub use sample::{ChannelSample, Sample};
 pub use usable::{LIGHTS_PER_FUNCTION, Usability, WORST_CONDITION, largest_usable, usability};

@@ -4,11 +4,11 @@
 //! all lights fits the L2 cache, is read once and multiplied once; spans are the unit of parallel
 //! work and of writing. Spans and tiles depend on the pictures only, never on threads or memory.
 
-use crate::{FitError, LeastSquares};
+use crate::{FitError, LearnedFit, LeastSquares};
 use rayon::prelude::*;
 use relight_core::weighted_sums::{Rows, weighted_sums};
 use relight_core::{CoefficientDistribution, CoefficientMap, CoefficientSample, CoefficientSpan};
-use relight_core::{CpuLevel, Layout, Model, Stack};
+use relight_core::{CpuLevel, Layout, Model, Stack, Vectorized};
 use std::sync::{Mutex, PoisonError};
 
 /// Pixels of a span for whoever doesn't need whole rows.
@@ -31,6 +31,53 @@ pub fn span_bytes(lights: usize, functions: usize, span_pixels: usize) -> u64 {
     4 * samples * (lights as u64 + 2 * (functions as u64 + 1)) + TILE_BYTES as u64
 }
 
+/// What makes coefficients of a pixel's values.
+#[derive(Clone, Copy, Debug)]
+pub enum PixelFit<'a> {
+    /// Coefficients of functions, in a layout other than shared.
+    Functions(&'a LeastSquares, Layout),
+    /// Learned planes.
+    Planes(&'a LearnedFit),
+}
+
+impl<'a> From<(&'a LeastSquares, Layout)> for PixelFit<'a> {
+    fn from((fit, layout): (&'a LeastSquares, Layout)) -> Self {
+        Self::Functions(fit, layout)
+    }
+}
+
+impl<'a> From<&'a LearnedFit> for PixelFit<'a> {
+    fn from(fit: &'a LearnedFit) -> Self {
+        Self::Planes(fit)
+    }
+}
+
+impl PixelFit<'_> {
+    fn layout(self) -> Layout {
+        match self {
+            Self::Functions(_, layout) => layout,
+            Self::Planes(_) => Layout::Shared,
+        }
+    }
+
+    /// Rows of coefficients.
+    fn maps(self) -> usize {
+        match self {
+            Self::Functions(fit, _) => fit.basis.count(),
+            Self::Planes(fit) => fit.basis.planes(),
+        }
+    }
+
+    /// The matrix as the kernel takes it.
+    fn matrix(self) -> Vec<f32> {
+        let matrix = match self {
+            Self::Functions(fit, _) => &fit.solution,
+            Self::Planes(fit) => &fit.projection,
+        };
+        matrix.iter().map(|&value| value as f32).collect()
+    }
+}
+
 /// Fits every pixel of `stack` and hands the coefficients to `consume`, span by span, in any
 /// order and from several threads at once.
 ///
@@ -43,15 +90,14 @@ pub fn span_bytes(lights: usize, functions: usize, span_pixels: usize) -> u64 {
 ///
 /// # Panics
 /// When `span_pixels` is 0.
-pub fn for_each_span<E: From<FitError> + Send>(
+pub fn for_each_span<'a, E: From<FitError> + Send>(
     stack: &dyn Stack,
-    fit: &LeastSquares,
-    layout: Layout,
+    fit: impl Into<PixelFit<'a>>,
     level: CpuLevel,
     span_pixels: usize,
     consume: impl Fn(&CoefficientSpan<'_>) -> Result<(), E> + Sync,
 ) -> Result<(), E> {
-    let fitting = Fitting::new(stack, fit, layout, level)?;
+    let fitting = Fitting::new(stack, fit.into(), level)?;
     let spans = stack.pixels().div_ceil(span_pixels);
     (0..spans).into_par_iter().try_for_each_init(Scratch::default, |scratch, span| {
         let first = span * span_pixels;
@@ -62,23 +108,17 @@ pub fn for_each_span<E: From<FitError> + Send>(
 /// What is fitted to which pictures, and how.
 struct Fitting<'a> {
     stack: &'a dyn Stack,
-    fit: &'a LeastSquares,
-    solution: Vec<f32>,
-    layout: Layout,
+    fit: PixelFit<'a>,
+    matrix: Vec<f32>,
     level: CpuLevel,
 }
 
 impl<'a> Fitting<'a> {
-    fn new(
-        stack: &'a dyn Stack,
-        fit: &'a LeastSquares,
-        layout: Layout,
-        level: CpuLevel,
-    ) -> Result<Self, FitError> {
-        if layout == Layout::Lrgb && stack.channels() == 1 {
+    fn new(stack: &'a dyn Stack, fit: PixelFit<'a>, level: CpuLevel) -> Result<Self, FitError> {
+        if fit.layout() == Layout::Lrgb && stack.channels() == 1 {
             return Err(FitError::GreyHasNoColor);
         }
-        Ok(Self { stack, fit, solution: fit.solution_f32(), layout, level })
+        Ok(Self { stack, fit, matrix: fit.matrix(), level })
     }
 }
 
@@ -86,6 +126,7 @@ impl<'a> Fitting<'a> {
 #[derive(Default)]
 struct Scratch {
     tile: Vec<f32>,
+    interleaved: Vec<f32>,
     luminance: Vec<f32>,
     coefficients: Vec<f32>,
     base_color: Vec<f32>,
@@ -98,15 +139,16 @@ impl Scratch {
         first: usize,
         pixels: usize,
     ) -> Result<CoefficientSpan<'_>, FitError> {
-        match fitting.layout {
-            Layout::Lrgb => self.fit_luminance(fitting, first, pixels)?,
-            Layout::Grey | Layout::Rgb => self.fit_channels(fitting, first, pixels)?,
+        match fitting.fit {
+            PixelFit::Functions(fit, Layout::Lrgb) => self.fit_luminance(fitting, fit, first, pixels)?,
+            PixelFit::Functions(..) => self.fit_channels(fitting, first, pixels)?,
+            PixelFit::Planes(_) => self.fit_planes(fitting, first, pixels)?,
         }
-        Ok(CoefficientSpan { first, pixels, functions: &self.coefficients, base_color: &self.base_color })
+        Ok(CoefficientSpan { first, pixels, maps: &self.coefficients, base_color: &self.base_color })
     }
 
     fn fit_channels(&mut self, fitting: &Fitting<'_>, first: usize, pixels: usize) -> Result<(), FitError> {
-        let Fitting { stack, solution, level, .. } = fitting;
+        let Fitting { stack, matrix: solution, level, .. } = fitting;
         let (lights, channels) = (stack.lights(), stack.channels());
         let samples = pixels * channels;
         let rows = stack.rows(first * channels..(first + pixels) * channels)?;
@@ -125,11 +167,41 @@ impl Scratch {
         Ok(())
     }
 
+    /// Planes from all channels of all pictures at once.
+    fn fit_planes(&mut self, fitting: &Fitting<'_>, first: usize, pixels: usize) -> Result<(), FitError> {
+        let Fitting { stack, matrix, level, .. } = fitting;
+        let (lights, channels) = (stack.lights(), stack.channels());
+        let inputs = lights * channels;
+        let rows = stack.rows(first * channels..(first + pixels) * channels)?;
+        let stride = tile_pixels(lights, channels);
+        self.tile.resize(inputs * stride, 0.0);
+        self.interleaved.resize(channels * stride, 0.0);
+        self.coefficients.resize(matrix.len() / inputs * pixels, 0.0);
+        for start in (0..pixels).step_by(stride) {
+            let width = stride.min(pixels - start);
+            for (light, tile) in self.tile.chunks_exact_mut(channels * stride).enumerate() {
+                let row = &mut self.interleaved[..width * channels];
+                rows.copy(light, start * channels, row);
+                level.run(Apart { row, channels, stride, tile });
+            }
+            let input = Rows { samples: &self.tile[..], stride };
+            let output = Rows { samples: &mut self.coefficients[start..], stride: pixels };
+            weighted_sums(*level, matrix, inputs, input, output, width);
+        }
+        Ok(())
+    }
+
     /// Luminance coefficients and base colour: pixel = base colour x luminance, the base colour
     /// the least-squares ratio of each channel to the luminance, scaled to a largest component
     /// of 1. Black pixels get a white base and no luminance, never 0/0.
-    fn fit_luminance(&mut self, fitting: &Fitting<'_>, first: usize, pixels: usize) -> Result<(), FitError> {
-        let Fitting { stack, fit, solution, level, .. } = fitting;
+    fn fit_luminance(
+        &mut self,
+        fitting: &Fitting<'_>,
+        fit: &LeastSquares,
+        first: usize,
+        pixels: usize,
+    ) -> Result<(), FitError> {
+        let Fitting { stack, matrix: solution, level, .. } = fitting;
         let lights = stack.lights();
         let rows = stack.rows(first * 3..(first + pixels) * 3)?;
         let stride = tile_pixels(lights, 4);
@@ -170,12 +242,38 @@ impl Scratch {
     }
 }
 
+/// Channels side by side to rows of their own.
+struct Apart<'a> {
+    row: &'a [f32],
+    channels: usize,
+    stride: usize,
+    tile: &'a mut [f32],
+}
+
+impl Vectorized for Apart<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { row, channels, stride, tile } = self;
+        if channels == 1 {
+            tile[..row.len()].copy_from_slice(row);
+            return;
+        }
+        let (r, rest) = tile.split_at_mut(stride);
+        let (g, b) = rest.split_at_mut(stride);
+        for (((pixel, r), g), b) in row.chunks_exact(3).zip(r).zip(g).zip(b) {
+            (*r, *g, *b) = (pixel[0], pixel[1], pixel[2]);
+        }
+    }
+}
+
 /// The rows of `span`, each with the number of interleaved channels in it; their planes follow one
 /// another in the order of [`Model::roles`].
 fn rows_of<'a>(span: &CoefficientSpan<'a>, layout: Layout) -> impl Iterator<Item = (&'a [f32], usize)> {
-    let channels = layout.planes_per_function();
+    let channels = layout.planes_per_map();
     let base_color = (!span.base_color.is_empty()).then_some((span.base_color, 3));
-    span.functions.chunks_exact(span.pixels * channels).map(move |row| (row, channels)).chain(base_color)
+    span.maps.chunks_exact(span.pixels * channels).map(move |row| (row, channels)).chain(base_color)
 }
 
 /// The distribution of every plane's coefficients, in the order of [`Model::roles`]; the same with
@@ -185,19 +283,20 @@ fn rows_of<'a>(span: &CoefficientSpan<'a>, layout: Layout) -> impl Iterator<Item
 ///
 /// # Errors
 /// As [`for_each_span`], and those of `check`.
-pub fn coefficient_distributions<E: From<FitError> + Send>(
+pub fn coefficient_distributions<'a, E: From<FitError> + Send>(
     stack: &dyn Stack,
-    fit: &LeastSquares,
-    layout: Layout,
+    fit: impl Into<PixelFit<'a>>,
     level: CpuLevel,
     check: impl Fn() -> Result<(), E> + Sync,
 ) -> Result<Vec<CoefficientDistribution>, E> {
-    let planes_of_rows = std::iter::repeat_n(layout.planes_per_function(), fit.basis.count())
-        .chain((layout == Layout::Lrgb).then_some(3));
+    let fit = fit.into();
+    let layout = fit.layout();
+    let planes_of_rows =
+        std::iter::repeat_n(layout.planes_per_map(), fit.maps()).chain((layout == Layout::Lrgb).then_some(3));
     // A lock a row: threads follow one another through the planes.
     let of_rows: Vec<_> =
         planes_of_rows.map(|planes| Mutex::new(vec![CoefficientDistribution::new(); planes])).collect();
-    for_each_span(stack, fit, layout, level, SPAN, |span| {
+    for_each_span(stack, fit, level, SPAN, |span| {
         check()?;
         for ((row, _), distributions) in rows_of(span, layout).zip(&of_rows) {
             let mut distributions = distributions.lock().unwrap_or_else(PoisonError::into_inner);
@@ -216,14 +315,15 @@ pub fn coefficient_distributions<E: From<FitError> + Send>(
 ///
 /// # Panics
 /// When `blocks` is 0.
-pub fn coefficient_sample(
+pub fn coefficient_sample<'a>(
     stack: &dyn Stack,
-    fit: &LeastSquares,
-    layout: Layout,
+    fit: impl Into<PixelFit<'a>>,
     level: CpuLevel,
     blocks: usize,
 ) -> Result<CoefficientSample, FitError> {
-    let fitting = Fitting::new(stack, fit, layout, level)?;
+    let fit = fit.into();
+    let layout = fit.layout();
+    let fitting = Fitting::new(stack, fit.into(), level)?;
     let (width, height) = (stack.width(), stack.height());
     let corners = block_corners(width, height, blocks);
     // By block: planes x 16.
@@ -284,7 +384,7 @@ pub fn fit_map(
 ) -> Result<CoefficientMap, FitError> {
     let pixels = stack.pixels();
     let planes = Mutex::new(vec![vec![0.0; pixels]; model.plane_count()]);
-    for_each_span(stack, fit, model.layout, level, SPAN, |span| {
+    for_each_span(stack, (fit, model.layout), level, SPAN, |span| {
         let mut planes = planes.lock().unwrap_or_else(PoisonError::into_inner);
         let mut plane = 0;
         for (row, channels) in rows_of(span, model.layout) {

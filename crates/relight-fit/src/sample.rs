@@ -40,6 +40,70 @@ fn run_starts(pixels: usize, runs: usize) -> Vec<usize> {
     (0..runs).map(|i| (i as f64 * part + place(i)) as usize).collect()
 }
 
+/// The moments of all pictures over a sample of pixels, channel by channel.
+#[derive(Clone, Debug)]
+pub struct ChannelSample {
+    /// Samples a pixel: 1 or 3.
+    pub channels: usize,
+    /// The mean of channel c of picture i, at `i * channels + c`.
+    pub means: Vec<f64>,
+    /// Mean products of these rows, (N x channels)^2, row-major.
+    pub gram: Vec<f64>,
+    /// The same over channels.
+    pub of_pictures: Sample,
+}
+
+impl ChannelSample {
+    /// As of [`Sample::of`].
+    ///
+    /// # Errors
+    /// [`StackError`] when a picture can't be read back.
+    pub fn of(stack: &dyn Stack) -> Result<Self, StackError> {
+        Ok(Self::from_values(&interleaved(stack)?, stack.channels()))
+    }
+
+    /// The moments of pictures given as equally long rows of values, `channels` interleaved in each.
+    ///
+    /// # Panics
+    /// When the rows differ in length or are not whole pixels.
+    pub fn from_values(values: &[Vec<f32>], channels: usize) -> Self {
+        let rows: Vec<Vec<f32>> = values
+            .iter()
+            .flat_map(|row| {
+                assert!(row.len().is_multiple_of(channels), "whole pixels");
+                (0..channels).map(|c| row[c..].iter().step_by(channels).copied().collect())
+            })
+            .collect();
+        let Sample { gram, count, .. } = Sample::from_values(&rows);
+        let mean = |row: &Vec<f32>| row.iter().map(|v| f64::from(*v)).sum::<f64>() / row.len().max(1) as f64;
+        let (lights, width) = (values.len(), rows.len());
+        let product = |i: usize, j: usize| {
+            let of = |c: usize| gram[(i * channels + c) * width + j * channels + c];
+            (0..channels).map(of).sum::<f64>() / channels as f64
+        };
+        let of_lights = (0..lights * lights).map(|at| product(at / lights, at % lights)).collect();
+        let of_pictures = Sample { lights, count: count * channels, gram: of_lights };
+        Self { channels, means: rows.iter().map(mean).collect(), gram, of_pictures }
+    }
+}
+
+/// The sampled pixels of every picture.
+fn interleaved(stack: &dyn Stack) -> Result<Vec<Vec<f32>>, StackError> {
+    let (lights, channels) = (stack.lights(), stack.channels());
+    let starts = run_starts(stack.pixels(), runs_for(lights));
+    let mut values = vec![Vec::new(); lights];
+    for start in starts {
+        let pixels = RUN.min(stack.pixels() - start);
+        let rows = stack.rows(start * channels..(start + pixels) * channels)?;
+        for (light, values) in values.iter_mut().enumerate() {
+            let before = values.len();
+            values.resize(before + pixels * channels, 0.0f32);
+            rows.copy(light, 0, &mut values[before..]);
+        }
+    }
+    Ok(values)
+}
+
 impl Sample {
     /// Takes up to 8,192 pixels of `stack` in runs spread over the picture, the same for every
     /// stack of that size; fewer, down to 1,024, of more than 500 pictures.
@@ -47,19 +111,7 @@ impl Sample {
     /// # Errors
     /// [`StackError`] when a picture can't be read back.
     pub fn of(stack: &dyn Stack) -> Result<Self, StackError> {
-        let (lights, channels) = (stack.lights(), stack.channels());
-        let starts = run_starts(stack.pixels(), runs_for(lights));
-        let mut values = vec![Vec::new(); lights];
-        for start in starts {
-            let pixels = RUN.min(stack.pixels() - start);
-            let rows = stack.rows(start * channels..(start + pixels) * channels)?;
-            for (light, values) in values.iter_mut().enumerate() {
-                let before = values.len();
-                values.resize(before + pixels * channels, 0.0f32);
-                rows.copy(light, 0, &mut values[before..]);
-            }
-        }
-        Ok(Self::from_values(&values))
+        Ok(Self::from_values(&interleaved(stack)?))
     }
 
     /// The sample of pictures given as equally long rows of values.

@@ -3,11 +3,11 @@
 use crate::picture::{FORMAT, GpuPicture, band_rows};
 use crate::program::{Input, Program, numbers};
 use crate::texels::{with_floats, with_layers_at_most};
-use crate::upload::upload;
+use crate::upload::{upload, upload_table};
 use crate::{Gpu, GpuError};
 use relight_core::relighter::Picture;
-use relight_core::{Direction, Layout, PlaneRole};
-use relight_shader::{Language, ShaderOptions, shader};
+use relight_core::{Basis, Direction, Layout, PlaneRole};
+use relight_shader::{Language, ShaderOptions, shader, weight_count};
 use relight_texture::{PackedMaps, TexelFormat, level_size};
 use std::fmt::Write as _;
 use wgpu::{BindGroup, Buffer, CommandEncoder, CommandEncoderDescriptor, TextureView};
@@ -42,7 +42,7 @@ struct Weights {
     program: Program,
     light: Buffer,
     inputs: BindGroup,
-    /// A pixel a layer.
+    /// A pixel a weight.
     drawn: GpuPicture,
     /// The same for the sum.
     weights: Buffer,
@@ -95,15 +95,19 @@ impl GpuMaps {
 
         let options = ShaderOptions { language: Language::Wgsl, maps_per_pass };
         let text = shader(&maps.model, &maps.packing, maps.width, maps.height, &options);
-        let layers = maps.packing.layers();
+        let weights = weight_count(&maps.model, &maps.packing);
+        let table = match &maps.model.basis {
+            Basis::Learned(learned) => Some(upload_table(gpu, learned)?),
+            _ => None,
+        };
         Ok(Self {
             decoded,
             gpu: gpu.clone(),
             width: maps.width,
             height: maps.height,
             channels: maps.model.channels(),
-            weights: Weights::new(gpu, &text, layers)?,
-            sum: Sum::new(gpu, &text, &maps, maps_per_pass)?,
+            weights: Weights::new(gpu, &text, weights.0, table)?,
+            sum: Sum::new(gpu, &text, &maps, weights.1, maps_per_pass)?,
             target: None,
         })
     }
@@ -147,23 +151,32 @@ impl GpuMaps {
 }
 
 impl Weights {
-    fn new(gpu: &Gpu, text: &str, layers: usize) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, text: &str, count: usize, table: Option<TextureView>) -> Result<Self, GpuError> {
+        let (declared, argument, inputs) = match table {
+            Some(_) => (
+                "@group(0) @binding(1) var functions: texture_2d_array<f32>;",
+                ", functions",
+                &[Input::Numbers, Input::Array][..],
+            ),
+            None => ("", "", &[Input::Numbers][..]),
+        };
         let source = format!(
             "{text}
 @group(0) @binding(0) var<uniform> light: vec4<f32>;
+{declared}
 
 @fragment
 fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<u32> {{
-    var weights = relight_weights(light.xyz);
+    var weights = relight_weights(light.xyz{argument});
     return bitcast<vec4<u32>>(weights[i32(at.x)]);
 }}
 "
         );
-        let program = Program::new(gpu, &source, &[Input::Numbers], FORMAT)?;
+        let program = Program::new(gpu, &source, inputs, FORMAT)?;
         let light = numbers(gpu, 16);
-        let inputs = program.bind(gpu, [&light], []);
-        let drawn = GpuPicture::new(gpu, layers, 1)?;
-        Ok(Self { program, light, inputs, drawn, weights: numbers(gpu, layers * 16) })
+        let inputs = program.bind(gpu, [&light], &table);
+        let drawn = GpuPicture::new(gpu, count, 1)?;
+        Ok(Self { program, light, inputs, drawn, weights: numbers(gpu, count * 16) })
     }
 
     /// Works the weights of a light out.
@@ -178,7 +191,13 @@ fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<u32> {{
 }
 
 impl Sum {
-    fn new(gpu: &Gpu, text: &str, maps: &PackedMaps, maps_per_pass: Option<usize>) -> Result<Self, GpuError> {
+    fn new(
+        gpu: &Gpu,
+        text: &str,
+        maps: &PackedMaps,
+        weight_count: &str,
+        maps_per_pass: Option<usize>,
+    ) -> Result<Self, GpuError> {
         let names =
             |arrays: usize| (0..arrays).fold(String::new(), |names, i| names + &format!("maps_{i}, "));
         let count = maps.packing.arrays.len();
@@ -187,7 +206,7 @@ impl Sum {
                 "{text}
 struct Numbers {{ level: i32, first_row: i32, pass_index: i32, unused: i32 }}
 @group(0) @binding(0) var<uniform> numbers: Numbers;
-@group(0) @binding(1) var<uniform> weights: array<vec4<f32>, RELIGHT_LAYERS>;
+@group(0) @binding(1) var<uniform> weights: array<vec4<f32>, {weight_count}>;
 "
             );
             for array in 0..count {
@@ -232,7 +251,7 @@ fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<u32> {{
                         let value = format!("relight_shade_finish({sum}, {arrays}texel, numbers.level)");
                         Some(compile(head(3) + so_far + &body(&value), &inputs)?)
                     }
-                    Layout::Grey | Layout::Rgb => None,
+                    Layout::Grey | Layout::Rgb | Layout::Shared => None,
                 };
                 (program, Some(Passes { count: lit_layers(maps).div_ceil(maps_per_pass), finish }))
             }

@@ -3,11 +3,12 @@
 use crate::texels::{LayerPlace, layer_bytes};
 use crate::texture_format::texture_format;
 use crate::{Gpu, GpuError};
-use relight_texture::{PackedMaps, TexelFormat, level_size};
+use relight_core::basis::Learned;
+use relight_texture::{PackedMaps, TexelFormat, function_texels, level_size};
 use std::ops::Range;
 use wgpu::{
     Extent3d, Origin3d, TexelCopyBufferLayout, TexelCopyTextureInfo, TextureAspect, TextureDescriptor,
-    TextureDimension, TextureUsages, TextureView, TextureViewDescriptor, TextureViewDimension,
+    TextureDimension, TextureFormat, TextureUsages, TextureView, TextureViewDescriptor, TextureViewDimension,
 };
 
 /// The arrays of `maps` as array textures with all their levels, in order.
@@ -79,4 +80,38 @@ fn whole_units(format: TexelFormat, width: usize, height: usize) -> (usize, usiz
 
 fn extent((width, height): (usize, usize), layers: usize) -> Extent3d {
     Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: layers as u32 }
+}
+
+/// The table of learned functions, four in a texel, as an array texture.
+///
+/// # Errors
+/// As of [`upload`].
+pub(crate) fn upload_table(gpu: &Gpu, learned: &Learned) -> Result<TextureView, GpuError> {
+    let (nodes, texels) = (learned.square().nodes, function_texels(learned));
+    let layers = texels.len() / (nodes * nodes);
+    // wgpu's OpenGL makes a plain texture of an array of one layer.
+    let size = extent((nodes, nodes), layers.max(2));
+    let texture = gpu.device.create_texture(&TextureDescriptor {
+        label: Some("functions"),
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format: TextureFormat::Rgba16Float,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    gpu.check()?;
+    let layout = TexelCopyBufferLayout {
+        offset: 0,
+        bytes_per_row: Some((nodes * 8) as u32),
+        rows_per_image: Some(nodes as u32),
+    };
+    let written = extent((nodes, nodes), layers);
+    gpu.queue.write_texture(texture.as_image_copy(), bytemuck::cast_slice(&texels), layout, written);
+    gpu.check()?;
+    Ok(texture.create_view(&TextureViewDescriptor {
+        dimension: Some(TextureViewDimension::D2Array),
+        ..TextureViewDescriptor::default()
+    }))
 }

@@ -13,12 +13,14 @@ use std::f64::consts::PI;
 /// the direction: the sum over functions of max |b_j| max |c_j|, times the largest base colour.
 ///
 /// |b_j| is at most 1 for SRBF and PTM (monomials of numbers up to 1), sqrt((2l + 1) / 4 pi) for SH (addition
-/// theorem) and sqrt((2l + 1) / 2 pi) for HSH, which are SH with a stretched angle. Coefficients lie between
+/// theorem) and sqrt((2l + 1) / 2 pi) for HSH, which are SH with a stretched angle; of a table it is at most
+/// that of its nodes. Coefficients lie between
 /// the ends of 8-bit ranges; those of halves and floats are looked at.
 pub(crate) fn largest_samples(maps: &RelightingMaps) -> [f64; 3] {
     let functions: Vec<f64> =
         (0..maps.model.basis.count()).map(|j| largest_value(&maps.model.basis, j)).collect();
-    let (mut sums, mut factors) = ([0.0; 3], [1.0; 3]);
+    let mean = |function: Option<u16>| function.map_or(0.0, |f| functions[usize::from(f)]);
+    let (mut sums, mut factors) = (maps.model.mean_functions().map(mean), [1.0; 3]);
     for (role, plane) in maps.model.roles().into_iter().zip(&maps.planes) {
         let largest = largest_coefficient(plane);
         match role {
@@ -55,6 +57,10 @@ fn largest_value(basis: &Basis, j: usize) -> f64 {
         }
         Basis::Sh(_) => ((2.0 * l + 1.0) / (4.0 * PI)).sqrt(),
         Basis::Hsh(_) => ((2.0 * l + 1.0) / (2.0 * PI)).sqrt(),
+        Basis::Learned(learned) => {
+            let column = learned.table().iter().skip(j).step_by(basis.count());
+            column.fold(0.0, |largest, value| largest.max(f64::from(value.abs())))
+        }
     }
 }
 

@@ -18,6 +18,7 @@ mod plan;
 mod relight;
 mod rows;
 mod scene;
+mod square_table;
 mod table;
 mod uniform;
 

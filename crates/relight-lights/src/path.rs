@@ -7,6 +7,7 @@ use crate::elementary::{
     squared_angle,
 };
 use crate::harmonics;
+use crate::square_table::SquareTable;
 use crate::table::{Argument, Table};
 use relight_core::basis::{Kernel, Srbf};
 use relight_core::{Basis, CpuLevel, Vectorized};
@@ -51,7 +52,7 @@ impl Accuracy {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Path {
     /// By their formulas: SRBF through the squared angle and a polynomial exponential, SH
-    /// by recursion, PTM and HSH as polynomials; to the rounding of f32.
+    /// by recursion, PTM and HSH as polynomials, learned functions from their own table; to the rounding of f32.
     Exact,
     /// SRBF up to a spread of 0.6 with shorter polynomials, within 6e-5 of a function's peak.
     Fine,
@@ -138,6 +139,7 @@ enum Kind {
     Srbf { centres: Vec<[f32; 3]>, spread: f64, kernel: Kernel, accuracy: Accuracy },
     Table { centres: Vec<[f32; 3]>, table: Table },
     CubeMaps(CubeMaps),
+    SquareTable(SquareTable),
     Ptm,
     Sh(harmonics::Recursion),
     Hsh,
@@ -192,6 +194,7 @@ impl Evaluator {
             (Basis::Ptm(_), _) => Kind::Ptm,
             (Basis::Sh(sh), _) => Kind::Sh(harmonics::Recursion::new(usize::from(sh.order()))),
             (Basis::Hsh(_), _) => Kind::Hsh,
+            (Basis::Learned(learned), _) => Kind::SquareTable(SquareTable::new(learned)),
         };
         Ok(Self { count: basis.count(), kind })
     }
@@ -245,6 +248,7 @@ impl Evaluator {
                 }
             }
             Kind::CubeMaps(maps) => maps.evaluate(directions, rows),
+            Kind::SquareTable(table) => table.evaluate(directions, rows),
             Kind::Ptm => level.run(harmonics::Monomials { directions, rows, count: self.count }),
             Kind::Sh(recursion) => recursion.evaluate(level, directions, rows),
             Kind::Hsh => level.run(harmonics::Hemispherical { directions, rows, count: self.count }),

@@ -9,7 +9,7 @@ use crate::scene::{Lamp, Light, Scene};
 use crate::uniform::{coefficients, weighted_planes};
 use rayon::prelude::*;
 use relight_core::relighter::Picture;
-use relight_core::{CpuLevel, Layout, PlaneRole, PositionMap, RelightingMaps, Space};
+use relight_core::{CpuLevel, PlaneRole, PositionMap, RelightingMaps, Space};
 use std::time::Instant;
 
 /// Pixels of a tile from left to right: a row's vectors of k functions stay in the L1 cache.
@@ -161,7 +161,13 @@ impl<'a> Worker<'a> {
         settings: Settings,
     ) -> Self {
         let mut channels: Vec<Channel<'_>> = (0..maps.model.channels())
-            .map(|_| Channel { planes: Vec::new(), indices: Vec::new(), factor: None })
+            .zip(maps.model.mean_functions())
+            .map(|(_, mean)| Channel {
+                planes: Vec::new(),
+                indices: Vec::new(),
+                factor: None,
+                mean: mean.map(usize::from),
+            })
             .collect();
         for (index, role) in maps.model.roles().into_iter().enumerate() {
             match role {
@@ -254,16 +260,17 @@ impl<'a> Worker<'a> {
         let pixels = sums.len() / self.plan.channels;
         let (mut sum, mut factor) = (vec![0.0; pixels], vec![0.0; pixels]);
         for pass in &self.plan.uniform {
-            let mut summed: Option<(&[usize], &[f32])> = None;
+            let mut summed: Option<(&Channel<'_>, &[f32])> = None;
             for (c, total) in sums.chunks_exact_mut(pixels).enumerate() {
                 let channel = &self.channels[c.min(self.channels.len() - 1)];
                 let weights = &pass.weights[c][..];
                 // Luminance under white light is the same in all channels.
-                if summed != Some((&channel.indices, weights)) {
+                if !summed.is_some_and(|(other, of_other)| of_other == weights && other.sums_like(channel)) {
                     let planes: Vec<_> =
                         channel.planes.iter().map(|&(plane, f)| (plane, weights[f])).collect();
-                    weighted_planes(self.settings.level, &planes, first, &mut sum);
-                    summed = Some((&channel.indices, weights));
+                    let mean = channel.mean.map_or(0.0, |f| weights[f]);
+                    weighted_planes(self.settings.level, &planes, mean, first, &mut sum);
+                    summed = Some((channel, weights));
                 }
                 let scaled = channel.factor.map(|plane| {
                     coefficients(self.settings.level, &self.maps.planes[plane], first, &mut factor);
@@ -421,11 +428,11 @@ impl<'a> Worker<'a> {
     ) {
         let Place { offset, pixels, stride } = place;
         let level = self.settings.level;
-        let shared = self.maps.model.layout != Layout::Rgb;
+        let alike = self.channels.iter().all(|channel| channel.sums_like(&self.channels[0]));
         for (c, total) in sums.chunks_exact_mut(stride).take(self.plan.channels).enumerate() {
             let total = &mut total[offset..offset + pixels];
             let channel = &self.channels[c.min(self.channels.len() - 1)];
-            if c == 0 || !shared {
+            if c == 0 || !alike {
                 level.run(Products { weights, planes: &planes[offset..], channel, sum });
             }
             level.run(AddChannel {

@@ -6,12 +6,22 @@ use relight_core::{RelightingMap, Vectorized};
 /// Pixels whose coefficients are decoded at a time for local lights.
 pub(crate) const STRIP: usize = 2048;
 
-/// The planes of a channel, by function, and what multiplies their sum.
+/// The planes of a channel, by function, what is added to their sum and what multiplies it.
 pub(crate) struct Channel<'a> {
     pub(crate) planes: Vec<(&'a RelightingMap, usize)>,
     /// Indices of `planes` among all.
     pub(crate) indices: Vec<usize>,
     pub(crate) factor: Option<usize>,
+    /// The function that counts without a plane.
+    pub(crate) mean: Option<usize>,
+}
+
+impl Channel<'_> {
+    /// Whether the same weights make the same sum of both.
+    pub(crate) fn sums_like(&self, other: &Self) -> bool {
+        let functions = |channel: &Self| channel.planes.iter().map(|(_, f)| *f).collect::<Vec<_>>();
+        self.indices == other.indices && self.mean == other.mean && functions(self) == functions(other)
+    }
 }
 
 /// Functions times a light's strength, added to those of the lights before it.
@@ -64,6 +74,9 @@ impl Vectorized for Products<'_, '_> {
         let whole = n / LANES * LANES;
         for first in (0..whole).step_by(LANES) {
             let mut sums = [0.0f32; LANES];
+            if let Some(mean) = self.channel.mean {
+                sums.copy_from_slice(&self.weights[mean * n + first..][..LANES]);
+            }
             for ((_, function), plane) in terms() {
                 let weights = &self.weights[function * n + first..][..LANES];
                 let coefficients = &self.planes[plane * STRIP + first..][..LANES];
@@ -74,7 +87,8 @@ impl Vectorized for Products<'_, '_> {
             self.sum[first..first + LANES].copy_from_slice(&sums);
         }
         for i in whole..n {
-            self.sum[i] = terms().fold(0.0, |sum, ((_, function), plane)| {
+            let mean = self.channel.mean.map_or(0.0, |mean| self.weights[mean * n + i]);
+            self.sum[i] = terms().fold(mean, |sum, ((_, function), plane)| {
                 sum + self.weights[function * n + i] * self.planes[plane * STRIP + i]
             });
         }

@@ -3,7 +3,7 @@
 use relight_core::weighted_sums::{Rows, weighted_sums};
 use relight_core::{CpuLevel, RelightingMap, Texels, Vectorized};
 
-/// Writes the sum over `planes` of weight x coefficient to `out`, for the pixels from `first` on.
+/// Writes `mean` + the sum over `planes` of weight x coefficient to `out`, for the pixels from `first` on.
 ///
 /// Of 8-bit planes the scale and 1 / 255 go into the weights and the biases into one constant, so that a
 /// code costs a conversion, a multiplication and an addition: the sum is that of
@@ -11,6 +11,7 @@ use relight_core::{CpuLevel, RelightingMap, Texels, Vectorized};
 pub(crate) fn weighted_planes(
     level: CpuLevel,
     planes: &[(&RelightingMap, f32)],
+    mean: f32,
     first: usize,
     out: &mut [f32],
 ) {
@@ -26,7 +27,7 @@ pub(crate) fn weighted_planes(
         Some(codes) => {
             let weights: Vec<f32> =
                 planes.iter().map(|(plane, weight)| weight * (plane.scale / 255.0)).collect();
-            let constant = planes.iter().fold(0.0f32, |sum, (plane, weight)| sum + weight * plane.bias);
+            let constant = planes.iter().fold(mean, |sum, (plane, weight)| sum + weight * plane.bias);
             level.run(WeightedCodes { codes: &codes, weights: &weights, constant, out });
         }
         None => {
@@ -38,6 +39,9 @@ pub(crate) fn weighted_planes(
             let input = Rows { samples: &rows[..], stride: pixels };
             let output = Rows { samples: &mut out[..], stride: pixels };
             weighted_sums(level, &weights, planes.len(), input, output, pixels);
+            if mean != 0.0 {
+                out.iter_mut().for_each(|sum| *sum += mean);
+            }
         }
     }
 }

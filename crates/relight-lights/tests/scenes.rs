@@ -125,6 +125,11 @@ fn sample(maps: &RelightingMaps, pixel: usize, direction: Direction) -> [f64; 3]
         Layout::Rgb => [0, 1, 2].map(|c| sum(&|f| 3 * f + c)),
         Layout::Grey => [sum(&|f| f); 3],
         Layout::Lrgb => [0, 1, 2].map(|c| sum(&|f| f) * coefficient(count + c)),
+        Layout::Shared => [0, 1, 2].map(|c| {
+            let c = c.min(model.channels() - 1);
+            let of = |plane: usize| functions[(plane + 1) * model.channels() + c] * coefficient(plane);
+            functions[c] + (0..model.maps()).map(of).sum::<f64>()
+        }),
     };
     match model.space {
         Space::Linear => values,

@@ -2,9 +2,9 @@
 
 use crate::Language;
 use crate::language::Type;
-use crate::layers::Layers;
+use crate::layers::{Layers, TABLE};
 use crate::source::Source;
-use relight_core::{Layout, Model, Space};
+use relight_core::{Basis, Layout, Model, Space};
 use relight_texture::{Packing, TexelFormat, Wrap};
 
 /// Columns of the names of functions before they are cut short.
@@ -30,6 +30,7 @@ pub(crate) fn comment(
     let layout = match model.layout {
         Layout::Grey => "grey: a plane a function",
         Layout::Rgb => "rgb: three planes a function",
+        Layout::Shared => "shared: planes that each serve all channels, and a mean",
         Layout::Lrgb => {
             "lrgb: a plane of luminance a function, and three of base colour that multiply the sum"
         }
@@ -71,8 +72,8 @@ pub(crate) fn comment(
          \n\
          Bind the arrays as you like and pass them as maps_0, maps_1 ..;\n\
          {bind}.\n\
-         \n\
-         \x20   once a light    weights = relight_weights(direction)\n\
+         {}\n\
+         \x20   once a light    weights = relight_weights(direction{})\n\
          \x20   once a pixel    color = relight_shade(weights, maps_0 .., texel, level)\n\
          \x20                   or relight_sample(weights, maps_0 .., uv)\n\
          \n\
@@ -83,6 +84,15 @@ pub(crate) fn comment(
         plural(packing.levels, "mip level"),
         plural(layers.layers.len(), "layer"),
         maps.join("\n"),
+        match &model.basis {
+            Basis::Learned(learned) => format!(
+                "The functions of light are a table in one more array texture, {TABLE}: {0} x {0} texels of\n\
+                 f16, unfiltered (relight shader --table writes it).\n",
+                learned.square().nodes
+            ),
+            _ => String::new(),
+        },
+        if layers.shared.is_some() { format!(", {TABLE}") } else { String::new() },
     ));
 }
 
@@ -100,13 +110,17 @@ pub(crate) fn constants(
         }
     }
     source.line("");
+    let (weights, of_weights) = layers.weights();
     for (name, value) in [
         ("RELIGHT_WIDTH", width),
         ("RELIGHT_HEIGHT", height),
         ("RELIGHT_LEVELS", packing.levels),
         ("RELIGHT_FUNCTIONS", model.basis.count()),
         ("RELIGHT_LAYERS", layers.layers.len()),
-    ] {
+    ]
+    .into_iter()
+    .chain(layers.shared.map(|_| (of_weights, weights)))
+    {
         source.constant(Type::Int, name, &value.to_string());
     }
 }

@@ -22,7 +22,7 @@ pub(crate) struct Layer {
     pub(crate) part: Part,
     /// How many of the channels hold planes.
     pub(crate) planes: usize,
-    /// The function that weighs the channel.
+    /// The function that weighs the channel; of shared planes the first of those that do.
     pub(crate) functions: [usize; 4],
     /// The picture's channel that gains it; 0 for luminance, which all gain.
     pub(crate) channels: [usize; 4],
@@ -35,6 +35,8 @@ pub(crate) struct Layer {
 pub(crate) enum Route {
     /// So many channels, all to all.
     Luminance(usize),
+    /// So many channels, each to all with a weight of its own in each.
+    Shared(usize),
     /// Red, green and blue to their like.
     Rgb,
     /// The same, and the fourth to one that a table names.
@@ -64,6 +66,18 @@ pub(crate) struct Layers {
     /// By array, then layer.
     pub(crate) layers: Vec<Layer>,
     pub(crate) runs: Vec<Run>,
+    /// Of shared planes.
+    pub(crate) shared: Option<Shared>,
+}
+
+/// The weights of shared planes: one a channel of each layer's texels, and at the end the mean; red, green
+/// and blue in each.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shared {
+    /// Channels of a layer.
+    pub(crate) planes: usize,
+    /// How far from red's function green's and blue's are.
+    pub(crate) steps: [usize; 3],
 }
 
 fn layer(model: &Model, roles: &[PlaneRole], plan: &LayerPlan) -> Layer {
@@ -95,6 +109,7 @@ fn route(layout: Layout, layers: &[Layer]) -> Route {
     let planes = layers.iter().map(|layer| layer.planes).max().unwrap_or(0);
     let in_order = layers.iter().all(|layer| layer.planes >= 3 && layer.channels[..3] == [0, 1, 2]);
     match layers[0].part {
+        Part::Light if layout == Layout::Shared => Route::Shared(planes),
         Part::Light if layout != Layout::Rgb => Route::Luminance(planes),
         _ if in_order && planes == 3 => Route::Rgb,
         _ if in_order => Route::RgbAndOther,
@@ -122,7 +137,19 @@ impl Layers {
                 start = end;
             }
         }
-        Self { layers, runs }
+        let shared = (model.layout == Layout::Shared).then(|| Shared {
+            planes: layers.iter().map(|layer| layer.planes).max().unwrap_or(0),
+            steps: if model.channels() == 3 { [0, 1, 2] } else { [0; 3] },
+        });
+        Self { layers, runs, shared }
+    }
+
+    /// Number of weights under a light, and the constant that has it.
+    pub(crate) fn weights(&self) -> (usize, &'static str) {
+        match self.shared {
+            Some(Shared { planes, .. }) => (self.layers.len() * planes + 1, "RELIGHT_WEIGHTS"),
+            None => (self.layers.len(), "RELIGHT_LAYERS"),
+        }
     }
 
     pub(crate) fn runs_of(&self, part: Part) -> impl Iterator<Item = &Run> {
@@ -164,8 +191,77 @@ fn integers(values: &[usize; 4]) -> String {
     values.map(|value| value.to_string()).join(", ")
 }
 
+/// The name of the texture that holds a table of learned functions.
+pub(crate) const TABLE: &str = "functions";
+
 /// `relight_layer_weights` and `relight_weights`.
 pub(crate) fn weights(source: &mut Source, layers: &Layers) {
+    let made = (Type::Float4, layers.weights().1, "weights");
+    match layers.shared {
+        Some(shared) => shared_weights(source, layers, shared, made),
+        None => layer_weights(source, layers, made),
+    }
+    source.comment(
+        "The same from the unit direction l of a light. They are alike for all texels: work them out\n\
+         once a light, in an earlier stage or outside, rather than once a pixel.",
+    );
+    let mut parameters = vec![Parameter::value("l", Type::Float3)];
+    let mut argument = "l".to_owned();
+    if layers.shared.is_some() {
+        parameters.push(Parameter::new(TABLE, Takes::Texture));
+        argument = format!("l, {TABLE}");
+    }
+    source.array_function(made, "relight_weights", &parameters, |source| {
+        source.array(Type::Float, "RELIGHT_FUNCTIONS", "basis");
+        source.fill("basis", "relight_basis", &argument);
+        source.fill("weights", "relight_layer_weights", "basis");
+    });
+}
+
+/// `relight_layer_weights` of shared planes.
+fn shared_weights(source: &mut Source, layers: &Layers, shared: Shared, made: (Type, &str, &str)) {
+    let Shared { planes, steps } = shared;
+    if !source.unrolls() {
+        source.comment("By layer: the function that weighs each channel of the texel in red.");
+        let rows: Vec<String> = layers.layers.iter().map(|layer| integers(&layer.functions)).collect();
+        source.table(Type::Int4, "RELIGHT_FUNCTION", &rows);
+    }
+    source.comment(&format!(
+        "The weights from the functions of light: in xyz how channel c of layer i adds to red, green and blue,\n\
+         at {planes} * i + c, and at the end the mean, which is added to the sum.",
+    ));
+    let float4 = source.word(Type::Float4);
+    let basis = [Parameter::new("basis", Takes::Array(Type::Float, "RELIGHT_FUNCTIONS"))];
+    source.array_function(made, "relight_layer_weights", &basis, |source| {
+        source.each_of("layer", 0..layers.layers.len(), |_, layer| {
+            let of_channel = |c: usize| {
+                let rgb = steps.map(|step| match layer {
+                    Index::Number(number) => format!("basis[{}]", layers.layers[number].functions[c] + step),
+                    Index::Variable(name) => {
+                        format!("basis[RELIGHT_FUNCTION[{name}].{} + {step}]", ["x", "y", "z", "w"][c])
+                    }
+                });
+                format!("weights[{}] = {float4}({}, 0.0);", shared.weight(layer, c), rgb.join(", "))
+            };
+            (0..planes).map(of_channel).collect()
+        });
+        let mean = steps.map(|step| format!("basis[{step}]")).join(", ");
+        source.line(&format!("weights[{}] = {float4}({mean}, 0.0);", layers.weights().0 - 1));
+    });
+}
+
+impl Shared {
+    /// Where the weight of channel `c` of a layer stands.
+    pub(crate) fn weight(self, layer: Index, c: usize) -> String {
+        match layer {
+            Index::Number(number) => (number * self.planes + c).to_string(),
+            Index::Variable(name) => format!("{name} * {} + {c}", self.planes),
+        }
+    }
+}
+
+/// `relight_layer_weights` of planes that one function weighs.
+fn layer_weights(source: &mut Source, layers: &Layers, made: (Type, &str, &str)) {
     let one_function = layers.layers.iter().all(|layer| {
         let of_planes = &layer.functions[..layer.planes];
         of_planes.iter().all(|function| *function == of_planes[0])
@@ -185,7 +281,6 @@ pub(crate) fn weights(source: &mut Source, layers: &Layers) {
     }
     source.comment("The weight of each layer's channels, from the functions of light.");
     let basis = [Parameter::new("basis", Takes::Array(Type::Float, "RELIGHT_FUNCTIONS"))];
-    let made = (Type::Float4, "RELIGHT_LAYERS", "weights");
     source.array_function(made, "relight_layer_weights", &basis, |source| {
         source.each_of("layer", 0..layers.layers.len(), |source, layer| {
             let float4 = source.word(Type::Float4);
@@ -202,15 +297,5 @@ pub(crate) fn weights(source: &mut Source, layers: &Layers) {
             let functions = functions.map(|function| format!("basis[{function}]"));
             vec![format!("weights[{layer}] = {float4}({});", functions.join(", "))]
         });
-    });
-    source.comment(
-        "The same from the unit direction l of a light. They are alike for all texels: work them out\n\
-         once a light, in an earlier stage or outside, rather than once a pixel.",
-    );
-    let direction = [Parameter::value("l", Type::Float3)];
-    source.array_function(made, "relight_weights", &direction, |source| {
-        source.array(Type::Float, "RELIGHT_FUNCTIONS", "basis");
-        source.fill("basis", "relight_basis", "l");
-        source.fill("weights", "relight_layer_weights", "basis");
     });
 }

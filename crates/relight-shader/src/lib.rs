@@ -10,6 +10,11 @@
 //! | `relight_basis` | the functions of light at a unit direction, in the order of [`Basis::evaluate`](relight_core::Basis::evaluate) |
 //! | `relight_layer_weights` | the weight of each layer's channels from those; [`layer_weights`] is the same on the CPU |
 //! | `relight_weights` | both in one |
+//!
+//! Learned functions are a table, which `relight_basis` and `relight_weights` take as one more array texture.
+//!
+//! | function | what it gives |
+//! |---|---|
 //! | `relight_shade` | the color at a texel of a level |
 //! | `relight_sample`, `relight_sample_level` | the same through a sampler |
 //! | `relight_to_linear`, `relight_to_encoded` | the color in linear light, or sRGB-encoded |
@@ -46,7 +51,7 @@ mod sum;
 
 pub use language::Language;
 
-use layers::Layers;
+use layers::{Layer, Layers, Shared};
 use relight_core::Model;
 use relight_texture::Packing;
 use source::Source;
@@ -91,11 +96,29 @@ pub fn shader(
 
 /// What `relight_layer_weights` gives for the functions of light `basis`, as
 /// [`Basis::evaluate`](relight_core::Basis::evaluate) writes them: for each layer, over all arrays in
-/// turn, the weight of each channel.
+/// turn, the weight of each channel. Of shared planes, for each channel of each layer its weight in red,
+/// green and blue, and at the end the mean.
 ///
 /// # Panics
 /// As [`shader`], and where `basis` is shorter than the model's basis.
 pub fn layer_weights(model: &Model, packing: &Packing, basis: &[f64]) -> Vec<[f32; 4]> {
-    let layers = Layers::new(model, packing).layers;
-    layers.into_iter().map(|layer| layer.functions.map(|function| basis[function] as f32)).collect()
+    let layers = Layers::new(model, packing);
+    let Some(Shared { planes, steps }) = layers.shared else {
+        let of_layer = |layer: Layer| layer.functions.map(|function| basis[function] as f32);
+        return layers.layers.into_iter().map(of_layer).collect();
+    };
+    let rgb = |first: usize| {
+        let [r, g, b] = steps.map(|step| basis[first + step] as f32);
+        [r, g, b, 0.0]
+    };
+    let channels = layers.layers.iter().flat_map(|layer| &layer.functions[..planes]);
+    channels.map(|&function| rgb(function)).chain([rgb(0)]).collect()
+}
+
+/// How many weights a light has, and the name of the constant that says so in the source.
+///
+/// # Panics
+/// As [`shader`].
+pub fn weight_count(model: &Model, packing: &Packing) -> (usize, &'static str) {
+    Layers::new(model, packing).weights()
 }

@@ -80,11 +80,12 @@ pub(crate) fn write(source: &mut Source, model: &Model, layers: &Layers, maps_pe
     }
     for reads in Reads::ALL {
         source.comment(&format!("The color under the light of `weights`, {}.", reads.about()));
-        let parameters = parameters(layers, reads, &[weights_parameter()]);
+        let parameters = parameters(layers, reads, &[weights_parameter(layers)]);
         source.function(Type::Float3, reads.function(), &parameters, |source| {
             let sum = sum_of(source, model, layers, Part::Light, reads, None);
             match model.layout {
                 Layout::Rgb => source.line(&format!("return {sum};")),
+                Layout::Shared => source.line(&format!("return {sum} + {};", mean(layers))),
                 Layout::Grey => source.line(&format!("return {};", all_channels(source, sum))),
                 Layout::Lrgb => {
                     let base = sum_of(source, model, layers, Part::BaseColor, reads, None);
@@ -98,8 +99,13 @@ pub(crate) fn write(source: &mut Source, model: &Model, layers: &Layers, maps_pe
     }
 }
 
-fn weights_parameter() -> Parameter {
-    Parameter::new("weights", Takes::Array(Type::Float4, "RELIGHT_LAYERS"))
+fn weights_parameter(layers: &Layers) -> Parameter {
+    Parameter::new("weights", Takes::Array(Type::Float4, layers.weights().1))
+}
+
+/// What shared planes' sum lacks.
+fn mean(layers: &Layers) -> String {
+    format!("weights[{}].xyz", layers.weights().0 - 1)
 }
 
 /// `before`, the array textures, and what `reads` wants.
@@ -125,7 +131,7 @@ fn sum_of(
 ) -> &'static str {
     let name = match part {
         Part::BaseColor => "base_color",
-        Part::Light if model.layout == Layout::Rgb => "color",
+        Part::Light if matches!(model.layout, Layout::Rgb | Layout::Shared) => "color",
         Part::Light => "luminance",
     };
     if name == "luminance" {
@@ -148,6 +154,7 @@ fn add_run(source: &mut Source, layers: &Layers, run: &Run, reads: Reads, sum: &
         let [scale, bias] = ["RELIGHT_SCALE", "RELIGHT_BIAS"].map(|table| source.element(table, layer));
         let coefficient = format!("{scale} * {q} + {bias}");
         let product = match run.part {
+            Part::Light if layers.shared.is_some() => coefficient,
             Part::Light => format!("weights[{layer}] * ({coefficient})"),
             Part::BaseColor => coefficient,
         };
@@ -160,6 +167,10 @@ fn add_run(source: &mut Source, layers: &Layers, run: &Run, reads: Reads, sum: &
             format!("relight_in_channel(p.{}, {channel})", components[c])
         };
         let terms: Vec<String> = match run.route {
+            Route::Shared(planes) => {
+                let weight = |c| layers.shared.map_or(String::new(), |shared| shared.weight(layer, c));
+                (0..planes).map(|c| format!("weights[{}].xyz * p.{}", weight(c), components[c])).collect()
+            }
             Route::Luminance(planes) => components[..planes].iter().map(|c| format!("p.{c}")).collect(),
             Route::Rgb => vec!["p.xyz".to_owned()],
             Route::RgbAndOther => vec!["p.xyz".to_owned(), named(3)],
@@ -205,12 +216,15 @@ fn passes(source: &mut Source, model: &Model, layers: &Layers, maps: usize) {
     ));
     source.constant(Type::Int, "RELIGHT_MAPS_PER_PASS", &maps.to_string());
     source.constant(Type::Int, "RELIGHT_PASSES", &layers.lit().div_ceil(maps).to_string());
-    let before = [Parameter::value("pass_index", Type::Int), weights_parameter()];
+    let before = [Parameter::value("pass_index", Type::Int), weights_parameter(layers)];
     for reads in Reads::ALL {
         source.comment(&format!("The terms of pass 0 .. RELIGHT_PASSES - 1, {}.", reads.about()));
         let (parameters, name) = (parameters(layers, reads, &before), format!("{}_pass", reads.function()));
         source.function(Type::Float3, &name, &parameters, |source| {
             let sum = sum_of(source, model, layers, Part::Light, reads, Some(maps));
+            if model.layout == Layout::Shared {
+                source.line(&format!("if (pass_index == 0) {{ {sum} = {sum} + {}; }}", mean(layers)));
+            }
             let sum = if sum == "luminance" { all_channels(source, sum) } else { sum.to_owned() };
             source.line(&format!("return {sum};"));
         });

@@ -168,7 +168,8 @@ fn relit(
 ) -> [f32; 3] {
     let Scratch { coefficients, functions } = scratch;
     maps.model.basis.evaluate(direction, functions);
-    let (mut sums, mut factors) = ([0.0f32; 3], [1.0f32; 3]);
+    let mean = |function: Option<u16>| function.map_or(0.0, |f| functions[usize::from(f)] as f32);
+    let (mut sums, mut factors) = (maps.model.mean_functions().map(mean), [1.0f32; 3]);
     for (role, &coefficient) in roles.iter().zip(coefficients.iter()) {
         match *role {
             PlaneRole::Coefficient { functions: by_channel } => {

@@ -1,7 +1,7 @@
 //! What errors of a plane's coefficients do to the relit picture, over all lights.
 
 use relight_core::sphere::{Cap, fibonacci_in};
-use relight_core::{Direction, Model, PlaneRole};
+use relight_core::{Basis, Direction, Model, PlaneRole};
 use std::f64::consts::FRAC_PI_2;
 
 /// Lights over the hemisphere that stand for those of a model that names none.
@@ -50,13 +50,17 @@ pub fn error_ceilings(model: &Model) -> Vec<f64> {
 
 /// The mean over the lights of each function's square.
 fn squares_of(model: &Model) -> Vec<f64> {
-    let functions = model.basis.count();
-    mean_products(model).into_iter().step_by(functions + 1).collect()
+    let mut squares = vec![0.0; model.basis.count()];
+    over_lights(model, |functions, share| {
+        for (square, b) in squares.iter_mut().zip(functions) {
+            *square += b * b * share;
+        }
+    });
+    squares
 }
 
-/// The mean over the lights of the products of the functions, k x k: the mean squared error of a relit
-/// sample is e^T M e of its coefficients' errors e.
-pub(crate) fn mean_products(model: &Model) -> Vec<f64> {
+/// Calls `add` with the functions' values and the share of each light.
+fn over_lights(model: &Model, mut add: impl FnMut(&[f64], f64)) {
     let hemisphere;
     let lights = match model.lights.as_slice() {
         [] => {
@@ -65,16 +69,39 @@ pub(crate) fn mean_products(model: &Model) -> Vec<f64> {
         }
         lights => lights,
     };
-    let count = model.basis.count();
-    let mut functions = vec![0.0; count];
-    let mut products = vec![0.0; count * count];
+    let mut functions = vec![0.0; model.basis.count()];
     for light in lights {
         model.basis.evaluate(*light, &mut functions);
-        for (a, row) in functions.iter().zip(products.chunks_exact_mut(count)) {
-            for (product, b) in row.iter_mut().zip(&functions) {
-                *product += a * b / lights.len() as f64;
+        add(&functions, 1.0 / lights.len() as f64);
+    }
+}
+
+/// The mean over the lights of the products of the maps' functions, maps x maps: the mean squared error of a
+/// relit sample is e^T M e of its coefficients' errors e. Of shared planes, a mean over the channels too.
+pub(crate) fn mean_products(model: &Model) -> Vec<f64> {
+    let maps = model.maps();
+    let shared = match &model.basis {
+        Basis::Learned(learned) => Some(learned),
+        _ => None,
+    };
+    let mut products = vec![0.0; maps * maps];
+    let mut add = |functions: &[f64], share: f64| {
+        for (a, row) in functions.iter().zip(products.chunks_exact_mut(maps)) {
+            for (product, b) in row.iter_mut().zip(functions) {
+                *product += a * b * share;
             }
         }
-    }
+    };
+    over_lights(model, |functions, share| match shared {
+        None => add(functions, share),
+        Some(learned) => {
+            let channels = learned.channels();
+            for channel in 0..channels {
+                let of_channel: Vec<f64> =
+                    (0..maps).map(|plane| functions[learned.function(plane, channel)]).collect();
+                add(&of_channel, share / channels as f64);
+            }
+        }
+    });
     products
 }

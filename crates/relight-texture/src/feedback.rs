@@ -28,10 +28,10 @@ pub(crate) struct Feedback {
 }
 
 impl Feedback {
-    /// For `layers`, the planes of each in the order in which they are stored. `products` are the mean
-    /// products of the model's functions, k x k.
+    /// For `layers`, the planes of each in the order in which they are stored. `products` are those of
+    /// [`mean_products`](crate::cost::mean_products).
     pub(crate) fn new(model: &Model, products: &[f64], layers: &[&[usize]]) -> Self {
-        let (count, stride) = (model.basis.count(), model.layout.planes_per_function());
+        let (count, stride) = (model.maps(), model.layout.planes_per_map());
         let planes = model.plane_count();
         let mut terms = vec![Vec::new(); planes];
         // Planes of base colour stand for themselves.
@@ -165,7 +165,7 @@ mod tests {
             [("srbf", 25, Layout::Rgb), ("ptm", 6, Layout::Lrgb), ("sh", 16, Layout::Grey)]
         {
             let model = model(family, count, layout);
-            let (m, stride) = (ridged(&model), layout.planes_per_function());
+            let (m, stride) = (ridged(&model), layout.planes_per_map());
             for planes in [1, 2, 3, 4] {
                 let layers = layers_of(&model, planes);
                 let feedback = feedback_of(&model, &layers);

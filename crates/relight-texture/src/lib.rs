@@ -6,6 +6,7 @@ mod choice;
 mod cost;
 mod dither;
 mod feedback;
+mod functions;
 pub mod mips;
 mod pack;
 mod packing;
@@ -18,6 +19,7 @@ mod texels;
 pub use block::{BlockCoding, BlockFormat, Encoder, Quality, decode_blocks, decode_channel, encode_blocks};
 pub use choice::{Budget, Candidate, ChoiceError, choose_formats};
 pub use cost::{error_ceilings, light_energy};
+pub use functions::function_texels;
 pub use pack::{Coding, Packer, Put, TexelPlace, held_bytes, span_pixels, working_bytes};
 pub use packing::{
     ArrayPlan, LayerPlan, PackedMaps, Packing, TexelDomain, TexelFormat, full_levels, level_size, needs_rows,

@@ -54,7 +54,7 @@ pub struct Packer {
     width: usize,
     height: usize,
     layout: Layout,
-    functions: usize,
+    maps: usize,
     packing: Packing,
     coding: Coding,
     /// The layers as (array, layer), by their first planes: the order in which they are stored.
@@ -130,7 +130,7 @@ impl Packer {
             width,
             height,
             layout: model.layout,
-            functions: model.basis.count(),
+            maps: model.maps(),
             packing,
             coding,
             order,
@@ -220,17 +220,17 @@ impl Packer {
 
     /// The planes of a run, in the order of [`Model::roles`].
     fn planes_of<'a>(&self, span: &CoefficientSpan<'a>) -> Vec<Row<'a>> {
-        let stride = self.layout.planes_per_function();
+        let stride = self.layout.planes_per_map();
         let base = if self.layout == Layout::Lrgb { 3 } else { 0 };
         assert!(span.first + span.pixels <= self.width * self.height, "the span leaves the map");
-        assert_eq!(span.functions.len(), self.functions * span.pixels * stride, "functions");
+        assert_eq!(span.maps.len(), self.maps * span.pixels * stride, "maps");
         assert_eq!(span.base_color.len(), base * span.pixels, "base colour");
         if self.packing.needs_rows() {
             let (row, last) = (4 * self.width, span.first + span.pixels == self.width * self.height);
             assert!(span.first.is_multiple_of(row), "a span begins at a row of blocks");
             assert!(last || span.pixels.is_multiple_of(row), "a span is whole rows of blocks");
         }
-        let functions = span.functions.chunks_exact((span.pixels * stride).max(1));
+        let functions = span.maps.chunks_exact((span.pixels * stride).max(1));
         let functions = functions.flat_map(|samples| rows_of(samples, stride));
         functions.chain(rows_of(span.base_color, base)).collect()
     }
@@ -385,8 +385,8 @@ impl Packer {
     fn add_to_level_1(&self, halved: &Mutex<Vec<Vec<f32>>>, span: &CoefficientSpan<'_>) {
         let (first_row, rows) = (span.first / self.width, span.pixels / self.width);
         let width = level_size(self.width, 1);
-        let stride = self.layout.planes_per_function();
-        let functions = span.functions.chunks_exact(span.pixels * stride);
+        let stride = self.layout.planes_per_map();
+        let functions = span.maps.chunks_exact(span.pixels * stride);
         let base = (!span.base_color.is_empty()).then_some(span.base_color);
         for (group, samples) in functions.chain(base).enumerate() {
             let stride = samples.len() / span.pixels;
@@ -402,11 +402,11 @@ impl Packer {
     }
 }
 
-/// Channels that are interleaved in each of a span's groups of samples: the functions, then the
+/// Channels that are interleaved in each of a span's groups of samples: the maps, then the
 /// base colour where there is one.
 fn strides(model: &Model) -> impl Iterator<Item = usize> {
     let base = (model.layout == Layout::Lrgb).then_some(3);
-    std::iter::repeat_n(model.layout.planes_per_function(), model.basis.count()).chain(base)
+    std::iter::repeat_n(model.layout.planes_per_map(), model.maps()).chain(base)
 }
 
 /// The planes of samples that interleave `stride` of them.

@@ -188,7 +188,7 @@ pub fn needs_rows(mut formats: impl Iterator<Item = TexelFormat>, levels: usize)
 ///
 /// RGB: the three planes of a function in a layer where the format has three channels; in BC3,
 /// which has four, the planes of further functions fill the fourth; otherwise planes one after
-/// another. Grey and luminance planes fill the channels; base colour has layers of its own.
+/// another. Grey, shared and luminance planes fill the channels; base colour has layers of its own.
 pub fn planes_of_layers(model: &Model, format: TexelFormat) -> Vec<Vec<usize>> {
     let channels = format.channels();
     let planes: Vec<usize> = (0..model.plane_count()).collect();
@@ -204,9 +204,9 @@ pub fn planes_of_layers(model: &Model, format: TexelFormat) -> Vec<Vec<usize>> {
             layers
         }
         Layout::Rgb if channels >= 3 => planes.chunks(3).map(<[usize]>::to_vec).collect(),
-        Layout::Rgb | Layout::Grey => chunks(&planes),
+        Layout::Rgb | Layout::Grey | Layout::Shared => chunks(&planes),
         Layout::Lrgb => {
-            let (luminance, base) = planes.split_at(model.basis.count());
+            let (luminance, base) = planes.split_at(model.maps());
             let mut layers = chunks(luminance);
             layers.extend(chunks(base));
             layers

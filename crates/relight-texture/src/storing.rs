@@ -40,8 +40,8 @@ pub struct PlaneErrors {
 #[derive(Debug)]
 pub struct StoringErrors {
     layout: Layout,
-    functions: usize,
-    /// Means over the lights of the products of functions, k x k.
+    maps: usize,
+    /// As of [`mean_products`].
     products: Vec<f64>,
     /// By plane, from its mean squared error to that of relit samples.
     energy: Vec<f64>,
@@ -86,7 +86,7 @@ impl StoringErrors {
     pub fn new(model: &Model) -> Self {
         Self {
             layout: model.layout,
-            functions: model.basis.count(),
+            maps: model.maps(),
             products: mean_products(model),
             energy: light_energy(model),
             runs: Mutex::new(Vec::new()),
@@ -131,21 +131,21 @@ impl StoringErrors {
     /// Sum over the pixels that were seen of the squared error of their relit samples, a mean over
     /// lights and channels: e^T M e of the errors e of a channel's coefficients.
     fn relit_square(&self, planes: &[PlaneErrors]) -> f64 {
-        let stride = self.layout.planes_per_function();
+        let stride = self.layout.planes_per_map();
         let dot = |a: &PlaneErrors, b: &PlaneErrors| -> f64 {
             a.seen.iter().zip(&b.seen).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
         };
         let mut sum = 0.0;
         for channel in 0..stride {
-            for f in 0..self.functions {
+            for f in 0..self.maps {
                 for g in 0..=f {
-                    let [a, b] = [f, g].map(|function| &planes[function * stride + channel]);
+                    let [a, b] = [f, g].map(|map| &planes[map * stride + channel]);
                     let twice = if f == g { 1.0 } else { 2.0 };
-                    sum += twice * self.products[f * self.functions + g] * dot(a, b);
+                    sum += twice * self.products[f * self.maps + g] * dot(a, b);
                 }
             }
         }
-        let base: f64 = planes[self.functions * stride..].iter().map(|plane| dot(plane, plane)).sum();
+        let base: f64 = planes[self.maps * stride..].iter().map(|plane| dot(plane, plane)).sum();
         sum / stride as f64 + base / 3.0
     }
 }

@@ -52,7 +52,7 @@ impl Picture {
 
     /// The samples of a span as the fitter hands them over.
     fn span(&self, first: usize, end: usize) -> (Vec<f32>, Vec<f32>) {
-        let stride = self.model.layout.planes_per_function();
+        let stride = self.model.layout.planes_per_map();
         let interleaved = |planes: &[Vec<f64>]| -> Vec<f32> {
             (first..end).flat_map(|i| planes.iter().map(move |plane| plane[i] as f32)).collect()
         };
@@ -133,12 +133,8 @@ fn packed(picture: &Picture, packing: &Packing, coding: Coding, span: usize) -> 
         for &first in starts.iter().rev().skip(phase).step_by(3) {
             let end = (first + span).min(width * height);
             let (functions, base_color) = picture.span(first, end);
-            let span = CoefficientSpan {
-                first,
-                pixels: end - first,
-                functions: &functions,
-                base_color: &base_color,
-            };
+            let span =
+                CoefficientSpan { first, pixels: end - first, maps: &functions, base_color: &base_color };
             packer.write(&span, &put).unwrap();
         }
     }
@@ -396,7 +392,7 @@ fn the_relit_error_is_that_of_relit_pictures() {
     ] {
         let mut picture = Picture::new(size, Model { lights: lights.clone(), ..model(layout, 4) });
         // Planes whose errors go together: the same noise in all, but for its size.
-        let stride = layout.planes_per_function();
+        let stride = layout.planes_per_map();
         for (plane, values) in picture.planes.iter_mut().enumerate() {
             for (i, value) in values.iter_mut().enumerate() {
                 let noise = (i * 7919 % 1009) as f64 / 1009.0;

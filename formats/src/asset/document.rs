@@ -278,6 +278,9 @@ pub(super) fn parse(path: &Path, text: &[u8]) -> Result<Document, FormatError> {
             leave_one_out_rmse: number(error.leave_one_out_rmse),
         }),
     };
+    if !model.is_consistent() {
+        return Err(damaged("layout 'shared' belongs to learned functions and to no others".to_owned()));
+    }
     let only = |layers| vec![Array { layers, ..Array::default() }];
     let Some(arrays) = record.arrays.or(record.layers.map(only)) else {
         return Ok(Document::Asset(Box::new(model), None));

@@ -146,16 +146,16 @@ impl ExrWriter {
         errors: &mut [PlaneErrors],
     ) -> Result<(), FormatError> {
         let AssetHeader { width, model, .. } = &self.header;
-        let (sample_bytes, functions) = (self.precision.bytes(), model.basis.count());
+        let (sample_bytes, maps) = (self.precision.bytes(), model.maps());
         let mut from = start;
         while from < end {
             let (x, y) = ((span.first + from) % width, (span.first + from) / width);
             let count = (width - x).min(end - from);
             for (channel, &plane) in self.planes.iter().enumerate() {
                 let (samples, stride) = match model.layout {
-                    Layout::Rgb => (&span.functions[plane / 3 * 3 * span.pixels + plane % 3..], 3),
-                    Layout::Lrgb if plane >= functions => (&span.base_color[plane - functions..], 3),
-                    Layout::Lrgb | Layout::Grey => (&span.functions[plane * span.pixels..], 1),
+                    Layout::Rgb => (&span.maps[plane / 3 * 3 * span.pixels + plane % 3..], 3),
+                    Layout::Lrgb if plane >= maps => (&span.base_color[plane - maps..], 3),
+                    Layout::Lrgb | Layout::Grey | Layout::Shared => (&span.maps[plane * span.pixels..], 1),
                 };
                 let samples = samples[from * stride..].iter().step_by(stride).take(count);
                 let place = (((y - top) * self.planes.len() + channel) * width + x) * sample_bytes;

@@ -53,11 +53,11 @@ pub(super) fn create(path: &Path, header: AssetHeader, _settings: &WriteSettings
     check_finite(path, &header)?;
     let range = |q: Quantizer| CoefficientRange { min: q.bias, max: q.bias + q.scale };
     let ranges: Vec<_> = plane_quantizers(&header).into_iter().map(range).collect();
-    let (format, planes_per_function) = match header.model.layout {
+    let (format, planes_per_map) = match header.model.layout {
         Layout::Lrgb => ("PTM_FORMAT_LRGB", 1),
-        Layout::Rgb | Layout::Grey => ("PTM_FORMAT_RGB", 3),
+        Layout::Rgb | Layout::Grey | Layout::Shared => ("PTM_FORMAT_RGB", 3),
     };
-    let (coefficients, base) = ranges.split_at(FUNCTIONS * planes_per_function);
+    let (coefficients, base) = ranges.split_at(FUNCTIONS * planes_per_map);
     let base = base.iter().fold(CoefficientRange::EMPTY, |all, &range| all.union(range));
     // A thousandth beyond is rounding; more would be clipped unsaid.
     if base.max > 1.001 || base.min < -0.001 {
@@ -65,7 +65,7 @@ pub(super) fn create(path: &Path, header: AssetHeader, _settings: &WriteSettings
         return Err(FormatError::invalid(path, format!("base colours {min}..{max} leave 0..1 of .ptm")));
     }
     let scale_bias: Vec<_> = coefficients
-        .chunks(planes_per_function)
+        .chunks(planes_per_map)
         .map(|ranges| {
             scale_bias_of(ranges.iter().fold(CoefficientRange::EMPTY, |all, &range| all.union(range)))
         })
@@ -124,11 +124,11 @@ impl PtmWriter {
         let (x, y) = ((span.first + start) % width, (span.first + start) / width);
         let pixel = ((height - 1 - y) * width + x) as u64;
         let block = (width * height * FUNCTIONS) as u64;
-        let channels = model.layout.planes_per_function();
+        let channels = model.layout.planes_per_map();
         bytes.resize(count * FUNCTIONS, 0);
         for channel in 0..channels {
             for (j, quantizer) in self.quantizers.iter().enumerate() {
-                let row = &span.functions[j * span.pixels * channels..][start * channels..];
+                let row = &span.maps[j * span.pixels * channels..][start * channels..];
                 let row = row[channel..].iter().step_by(channels);
                 for (pixel, c) in bytes.chunks_exact_mut(FUNCTIONS).zip(row.clone()) {
                     pixel[j] = quantizer.code(*c);

@@ -163,7 +163,7 @@ fn open(path: &Path) -> Result<PtmFile, FormatError> {
 
 /// The quantizer of plane `plane` of `Model::roles`; base colours have none of their own.
 fn quantizer_of_plane(scale_bias: &[(f32, f64)], layout: Layout, plane: usize) -> Quantizer {
-    match scale_bias.get(plane / layout.planes_per_function()) {
+    match scale_bias.get(plane / layout.planes_per_map()) {
         Some(&(scale, bias)) => quantizer_of(scale, bias),
         None => Quantizer { scale: 1.0, bias: 0.0 },
     }
@@ -191,7 +191,7 @@ fn read_planes(ptm: &mut PtmFile) -> io::Result<Vec<RelightingMap>> {
         Ok(())
     };
     match model.layout {
-        Layout::Rgb | Layout::Grey => {
+        Layout::Rgb | Layout::Grey | Layout::Shared => {
             for channel in 0..3 {
                 read_block(FUNCTIONS, &|j| 3 * j + channel)?;
             }

@@ -2,6 +2,7 @@
 
 use super::{AssetFormat, AssetHeader, format_of, layout_name, open_measured, plane_names};
 use crate::FormatError;
+use relight_core::Basis;
 use relight_texture::{Packing, PositionPlan, level_size};
 use std::path::{Path, PathBuf};
 
@@ -59,7 +60,18 @@ pub fn describe_asset(path: &Path) -> Result<Vec<(String, String)>, FormatError>
     let mut row = |name: &str, value: String| rows.push((name.to_owned(), value));
     row("format", format!("{} ({})", format.name, format.about));
     row("size", format!("{width} x {height}"));
-    row("basis", format!("{}, {} functions", model.basis.family().name, model.basis.count()));
+    row(
+        "basis",
+        match &model.basis {
+            Basis::Learned(learned) => {
+                let (square, planes) = (learned.square(), learned.planes());
+                let part = if square.hemisphere { "hemisphere" } else { "sphere" };
+                let nodes = square.nodes;
+                format!("{}, {planes} planes, table of {nodes} x {nodes} over the {part}", learned.origin())
+            }
+            basis => format!("{}, {} functions", basis.family().name, basis.count()),
+        },
+    );
     row("layout", layout_name(model.layout).to_owned());
     row("space", format!("{:?}", model.space).to_lowercase());
     let formats: Vec<_> = packing.formats().map(|format| format.name()).collect();

@@ -213,7 +213,7 @@ fn a_map_with_missing_pixels_is_not_finished() {
         let writer = format.create(&path, asset.header(packing), &settings).unwrap();
         let (functions, base_color) = asset.span(0, 11);
         let (functions, base_color) = (&functions[..], &base_color[..]);
-        writer.write(&CoefficientSpan { first: 0, pixels: 11, functions, base_color }).unwrap();
+        writer.write(&CoefficientSpan { first: 0, pixels: 11, maps: functions, base_color }).unwrap();
         assert!(matches!(writer.finish(), Err(FormatError::Invalid { .. })), "{}", format.name);
     }
     assert_eq!(names_in(folder.path()).len(), 0);
@@ -228,7 +228,7 @@ fn a_file_that_cannot_be_replaced_leaves_none_of_the_new_ones() {
     let writer = format.create(&path, asset.header(packing), &SPLIT).unwrap();
     let (functions, base_color) = asset.span(0, 45);
     let (functions, base_color) = (&functions[..], &base_color[..]);
-    writer.write(&CoefficientSpan { first: 0, pixels: 45, functions, base_color }).unwrap();
+    writer.write(&CoefficientSpan { first: 0, pixels: 45, maps: functions, base_color }).unwrap();
     fs::create_dir(&path).unwrap();
     assert!(matches!(writer.finish(), Err(FormatError::Io { .. })));
     assert_eq!(names_in(folder.path()), ["a.dds"]);

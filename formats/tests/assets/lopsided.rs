@@ -158,7 +158,7 @@ impl Lopsided {
                         let (functions, base_color) = self.span(first, end);
                         let pixels = end - first;
                         let (functions, base_color) = (&functions[..], &base_color[..]);
-                        write(&CoefficientSpan { first, pixels, functions, base_color })
+                        write(&CoefficientSpan { first, pixels, maps: functions, base_color })
                     })
                 })
             };

@@ -5,11 +5,13 @@
 //! command line take it from there.
 
 mod hsh;
+mod learned;
 mod ptm;
 mod sh;
 mod srbf;
 
 pub use hsh::Hsh;
+pub use learned::Learned;
 pub use ptm::{Ptm, ptm_exponents};
 pub use sh::{Sh, evaluate_sh};
 pub use srbf::{Domain, Kernel, PointSet, Spread, Srbf, SrbfDesign};
@@ -45,6 +47,8 @@ pub enum Basis {
     Hsh(Hsh),
     /// Spherical radial basis functions.
     Srbf(Srbf),
+    /// Functions learned from the pictures, as a table.
+    Learned(Learned),
 }
 
 /// Which numbers of functions a family has.
@@ -100,11 +104,14 @@ pub struct Family {
     pub ridge: f64,
     /// How its size is named other than by the number of functions.
     pub size: Option<SizeWord>,
+    /// Whether its functions are learned from pictures rather than built from the lights; its counts are
+    /// then numbers of planes.
+    pub learned: bool,
     make: fn(&Design<'_>) -> Result<Basis, BasisError>,
 }
 
 /// All families, in the order in which they are listed to users.
-pub static FAMILIES: [Family; 4] = [
+pub static FAMILIES: [Family; 5] = [
     Family {
         name: "ptm",
         about: "polynomial texture map: polynomials of degree 2, 3 or 4 in the light's x and y",
@@ -112,6 +119,7 @@ pub static FAMILIES: [Family; 4] = [
         default_count: 6,
         ridge: 1e-4,
         size: Some(SizeWord { word: "degree", count_of: ptm::count_of_degree }),
+        learned: false,
         make: |design| Ptm::with_count(design.count).map(Basis::Ptm),
     },
     Family {
@@ -121,6 +129,7 @@ pub static FAMILIES: [Family; 4] = [
         default_count: 9,
         ridge: 2e-4,
         size: Some(SizeWord { word: "order", count_of: sh::count_of_order }),
+        learned: false,
         make: |design| Sh::with_count(design.count).map(Basis::Sh),
     },
     Family {
@@ -130,6 +139,7 @@ pub static FAMILIES: [Family; 4] = [
         default_count: 9,
         ridge: 1e-4,
         size: Some(SizeWord { word: "order", count_of: sh::count_of_order }),
+        learned: false,
         make: |design| Hsh::with_count(design.count).map(Basis::Hsh),
     },
     Family {
@@ -139,7 +149,18 @@ pub static FAMILIES: [Family; 4] = [
         default_count: 25,
         ridge: 1e-3,
         size: None,
+        learned: false,
         make: |design| Srbf::design(design).map(Basis::Srbf),
+    },
+    Family {
+        name: "pca",
+        about: "planes learned from the pictures: principal components over lights and channels",
+        counts: Counts::UpTo(learned::MAX_PLANES),
+        default_count: 18,
+        ridge: 0.0,
+        size: None,
+        learned: true,
+        make: |_| Err(BasisError::Learned),
     },
 ];
 
@@ -199,6 +220,7 @@ impl Basis {
             Self::Sh(basis) => basis,
             Self::Hsh(basis) => basis,
             Self::Srbf(basis) => basis,
+            Self::Learned(basis) => basis,
         }
     }
 
@@ -209,6 +231,7 @@ impl Basis {
             Self::Sh(_) => 1,
             Self::Hsh(_) => 2,
             Self::Srbf(_) => 3,
+            Self::Learned(_) => 4,
         };
         &FAMILIES[row]
     }
@@ -250,6 +273,13 @@ pub enum BasisError {
         /// In radians.
         spread: f64,
     },
+    /// A family that is learned from pictures was to be built from lights.
+    Learned,
+    /// A table of learned functions that is none.
+    Table {
+        /// What is wrong with it.
+        problem: &'static str,
+    },
     /// An SRBF without centres, or with more than the most.
     Centres {
         /// How many.
@@ -266,6 +296,13 @@ impl fmt::Display for BasisError {
             Self::Spread { spread } => {
                 write!(f, "SRBF spread {spread} rad is outside 0.001..10; give another --spread factor")
             }
+            Self::Learned => {
+                write!(
+                    f,
+                    "functions of pca are learned from pictures, not built from lights; use relight bake"
+                )
+            }
+            Self::Table { problem } => write!(f, "a table of learned functions has {problem}"),
             Self::Centres { count } => {
                 write!(f, "an SRBF basis with {count} centres is outside 1..{}", srbf::MAX_COUNT)
             }
@@ -282,7 +319,7 @@ mod tests {
     #[test]
     fn every_family_is_its_own_row_and_survives_json() {
         let lights = LightSet::from_directions((0..40).map(|i| sphere_direction(f64::from(i))).collect());
-        for family in &FAMILIES {
+        for family in FAMILIES.iter().filter(|family| !family.learned) {
             for count in family.counts_up_to(30) {
                 let basis = family.build(&Design::new(count, &lights)).unwrap();
                 assert_eq!(basis.count(), count);

@@ -1,7 +1,7 @@
 //! Spherical caps: the part of the sphere that lights cover.
 
 use crate::Direction;
-use crate::vectors::frame_around;
+use crate::vectors::{difference, dot, frame_around, length, scaled, unit};
 
 /// All directions within `radius` of `axis`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +16,22 @@ impl Cap {
     /// Whether `direction` lies inside or on the rim.
     pub fn contains(self, direction: Direction) -> bool {
         self.axis.angle_to(direction) <= self.radius
+    }
+
+    /// The direction itself where it lies inside, else the nearest one on the rim.
+    pub fn nearest(self, direction: Direction) -> Direction {
+        if self.contains(direction) {
+            return direction;
+        }
+        let (axis, d) = (self.axis.components(), direction.components());
+        let along = dot(d, axis);
+        // Straight behind, all of the rim is as near: the frame's first vector decides.
+        let across = difference(d, scaled(axis, along));
+        let across = if length(across) > 1e-9 { unit(across) } else { None };
+        let across = across.unwrap_or_else(|| frame_around(axis)[0]);
+        let (sine, cosine) = libm::sincos(self.radius);
+        let turned = [0, 1, 2].map(|i| cosine * axis[i] + sine * across[i]);
+        Direction::new(turned[0], turned[1], turned[2]).unwrap_or(self.axis)
     }
 
     /// The smallest cap around `directions`, to about 0.1 degree; `None` when there are none.

@@ -29,7 +29,7 @@ fn maps_have_the_same_bits_at_every_level_and_with_any_threads() {
         };
         let distributions = |level, threads| {
             let check = || Ok::<(), FitError>(());
-            let found = || coefficient_distributions(&pictures, &fit, layout, level, check);
+            let found = || coefficient_distributions(&pictures, (&fit, layout), level, check);
             pool(threads).install(found).unwrap()
         };
         let (expected, of_one) = (map(CpuLevel::BASELINE, 1), distributions(CpuLevel::BASELINE, 1));
@@ -66,10 +66,10 @@ fn coefficients_have_the_same_bits_in_spans_of_any_size() {
         });
         let fit = fit_of(&basis, &lights, LightWeights::Voronoi, Ridge::Auto, &pictures);
         let map = fit_map(&pictures, &fit, model_of(&basis, layout), CpuLevel::BASELINE).unwrap();
-        let functions = layout.planes_per_function();
+        let functions = layout.planes_per_map();
         for span_pixels in [1, 37, 4 * width, 32 * width, usize::MAX] {
             let seen = Mutex::new(0);
-            for_each_span(&pictures, &fit, layout, CpuLevel::detect(), span_pixels, |span| {
+            for_each_span(&pictures, (&fit, layout), CpuLevel::detect(), span_pixels, |span| {
                 assert!(span.first.is_multiple_of(span_pixels) && span.pixels <= span_pixels);
                 *seen.lock().unwrap() += span.pixels;
                 for (plane, values) in map.planes.iter().enumerate() {
@@ -77,7 +77,7 @@ fn coefficients_have_the_same_bits_in_spans_of_any_size() {
                         let found = match plane.checked_sub(6 * functions) {
                             Some(channel) => span.base_color[3 * x + channel],
                             None => {
-                                let row = &span.functions[plane / functions * span.pixels * functions..];
+                                let row = &span.maps[plane / functions * span.pixels * functions..];
                                 row[x * functions + plane % functions]
                             }
                         };

@@ -150,9 +150,9 @@ fn grey_pictures_have_no_base_colour() {
     let refused = fit_map(&pictures, &fit, model_of(&fit.basis, Layout::Lrgb), CpuLevel::detect());
     assert!(matches!(refused, Err(FitError::GreyHasNoColor)));
     let check = || Ok::<(), FitError>(());
-    let refused = coefficient_distributions(&pictures, &fit, Layout::Lrgb, CpuLevel::detect(), check);
+    let refused = coefficient_distributions(&pictures, (&fit, Layout::Lrgb), CpuLevel::detect(), check);
     assert!(matches!(refused, Err(FitError::GreyHasNoColor)));
-    let refused = coefficient_sample(&pictures, &fit, Layout::Lrgb, CpuLevel::detect(), 9);
+    let refused = coefficient_sample(&pictures, (&fit, Layout::Lrgb), CpuLevel::detect(), 9);
     assert!(matches!(refused, Err(FitError::GreyHasNoColor)));
 }
 
@@ -169,7 +169,7 @@ fn a_coefficient_that_is_no_number_is_named_by_plane_and_pixel() {
         _ => f64::from(calm.rows[light][pixel * 3 + channel]),
     });
     let check = || Ok::<(), FitError>(());
-    let found = coefficient_distributions(&pictures, &fit, Layout::Rgb, CpuLevel::detect(), check).unwrap();
+    let found = coefficient_distributions(&pictures, (&fit, Layout::Rgb), CpuLevel::detect(), check).unwrap();
     let map = fit_map(&pictures, &fit, model_of(&basis, Layout::Rgb), CpuLevel::detect()).unwrap();
     let mut named = 0;
     for (plane, distribution) in found.iter().enumerate() {

@@ -183,7 +183,7 @@ pub(crate) fn pictures_of(map: &CoefficientMap, lights: &[Direction]) -> Picture
             .sum();
         match map.model.layout {
             Layout::Lrgb => sum * f64::from(map.planes[weights[light].len() + channel][pixel]),
-            Layout::Grey | Layout::Rgb => sum,
+            Layout::Grey | Layout::Rgb | Layout::Shared => sum,
         }
     })
 }

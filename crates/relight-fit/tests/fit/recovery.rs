@@ -126,8 +126,8 @@ fn spans_hold_every_pixel_once() {
         let channels = if layout == Layout::Rgb { 3 } else { 1 };
         let colors = if layout == Layout::Lrgb { 3 } else { 0 };
         let spans = std::sync::Mutex::new(Vec::new());
-        for_each_span(&pictures, &fit, layout, CpuLevel::BASELINE, SPAN, |span| {
-            assert_eq!(span.functions.len(), 6 * channels * span.pixels);
+        for_each_span(&pictures, (&fit, layout), CpuLevel::BASELINE, SPAN, |span| {
+            assert_eq!(span.maps.len(), 6 * channels * span.pixels);
             assert_eq!(span.base_color.len(), colors * span.pixels);
             spans.lock().unwrap().push((span.first, span.pixels));
             Ok::<(), FitError>(())
@@ -155,7 +155,7 @@ fn distributions_are_those_of_the_planes() {
             let map = fit_map(&pictures, &fit, model, CpuLevel::detect()).unwrap();
             let check = || Ok::<(), FitError>(());
             let found =
-                coefficient_distributions(&pictures, &fit, layout, CpuLevel::detect(), check).unwrap();
+                coefficient_distributions(&pictures, (&fit, layout), CpuLevel::detect(), check).unwrap();
             assert_eq!(found.len(), map.planes.len());
             for (plane, (distribution, values)) in found.iter().zip(&map.planes).enumerate() {
                 let mut expected = [CoefficientDistribution::new()];
@@ -176,7 +176,7 @@ fn sampled_blocks_are_those_of_the_planes() {
             let map = fit_map(&pictures, &fit, model_of(&fit.basis, layout), CpuLevel::detect()).unwrap();
             let grid = (size.0.div_ceil(4), size.1.div_ceil(4));
             for most in [1, 100, 10_000] {
-                let sample = coefficient_sample(&pictures, &fit, layout, CpuLevel::detect(), most).unwrap();
+                let sample = coefficient_sample(&pictures, (&fit, layout), CpuLevel::detect(), most).unwrap();
                 assert_eq!(sample.blocks, most.min(grid.0 * grid.1));
                 assert_eq!(sample.planes.len(), map.planes.len());
                 // Every value is of its own: the first coefficient says where a block lies.

@@ -1,0 +1,224 @@
+//! Values at scattered lights continued over the sphere: smoothing splines with a closed form for leaving each
+//! light out.
+
+use crate::singular_values::SingularValues;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+use relight_core::Direction;
+use relight_core::sphere::Cap;
+use std::f64::consts::PI;
+
+/// Smoothings tried, as parts of the kernel's mean eigenvalue. Not 0: two lights in one place would have no
+/// solution.
+const SMOOTHINGS: [f64; 6] = [1e-6, 1e-3, 1e-2, 3e-2, 0.1, 0.3];
+
+/// Beyond the outermost light by more than this (radians), values stay what they are there: splines run away.
+const MARGIN: f64 = 0.1;
+
+/// Linear functions that the lights tell apart by less than this part of the first don't take part: all lights
+/// in a plane, on a ring, in one place.
+const FLAT: f64 = 1e-6;
+
+/// The thin-plate spline r^2 log r of the chord r between directions, plus linear functions of direction.
+///
+/// Source: Duchon, *Splines minimizing rotation-invariant semi-norms in Sobolev spaces*, 1977; measured on five
+/// captures beside -r and r^3 (docs/accuracy.md, "Learned planes").
+#[derive(Clone, Debug)]
+pub(crate) struct Interpolation {
+    /// Part of the kernel's mean eigenvalue that was taken.
+    pub(crate) smoothing: f64,
+    /// The same as a number.
+    diagonal: f64,
+    lights: Vec<Direction>,
+    reach: Cap,
+    /// Linear functions as coefficients of 1, x, y, z.
+    linear: Vec<[f64; 4]>,
+    /// (N + linear functions) x N: from values to what kernels and linear functions are multiplied by.
+    solution: DMatrix<f64>,
+}
+
+impl Interpolation {
+    /// Takes the smoothing that predicts pictures best from the others; `gram` holds the mean products of the
+    /// N pictures, N x N. `None` without lights.
+    pub(crate) fn of_pictures(lights: &[Direction], gram: &[f64]) -> Option<Self> {
+        let tried: Vec<Self> =
+            SMOOTHINGS.par_iter().filter_map(|&smoothing| Self::new(lights, smoothing)).collect();
+        let n = lights.len();
+        let error = |fit: &Self| -> f64 {
+            let square = |light: usize| {
+                let residual = fit.left_out(light);
+                let inner = |row: &[f64]| row.iter().zip(&residual).map(|(g, r)| g * r).sum::<f64>();
+                gram.chunks_exact(n).zip(&residual).map(|(row, r)| r * inner(row)).sum::<f64>()
+            };
+            (0..n).map(square).sum()
+        };
+        tried
+            .into_iter()
+            .map(|fit| (error(&fit), fit))
+            .reduce(|a, b| if b.0 < a.0 { b } else { a })
+            .map(|(_, fit)| fit)
+    }
+
+    /// `None` without lights or where the system has no solution.
+    pub(crate) fn new(lights: &[Direction], smoothing: f64) -> Option<Self> {
+        let n = lights.len();
+        let cap = Cap::enclosing(lights)?;
+        let design = DMatrix::from_fn(n, 4, |i, j| one_x_y_z(lights[i])[j]);
+        let SingularValues { values, right, left } = SingularValues::of(design);
+        let rank = values.iter().filter(|&&value| value > FLAT * values[0]).count();
+        let linear: Vec<[f64; 4]> = (0..rank).map(|r| [0, 1, 2, 3].map(|i| right[(i, r)])).collect();
+        // The kernel's trace is 0: its mean eigenvalue beside the linear functions is what they take away.
+        let of_linear: f64 = (0..rank)
+            .map(|r| {
+                let row = |i: usize| (0..n).map(|j| kernel(lights[i], lights[j]) * left[(j, r)]).sum::<f64>();
+                (0..n).map(|i| left[(i, r)] * row(i)).sum::<f64>()
+            })
+            .sum();
+        let mean = if n > rank { -of_linear / (n - rank) as f64 } else { 0.0 };
+        let diagonal = if mean > 0.0 { smoothing * mean } else { 1.0 };
+        let system = DMatrix::from_fn(n + rank, n + rank, |i, j| match (i < n, j < n) {
+            (true, true) => kernel(lights[i], lights[j]) + if i == j { diagonal } else { 0.0 },
+            (true, false) => value_of(&linear[j - n], lights[i]),
+            (false, true) => value_of(&linear[i - n], lights[j]),
+            (false, false) => 0.0,
+        });
+        let solution = system.lu().try_inverse()?.columns(0, n).into_owned();
+        if solution.iter().any(|value| !value.is_finite()) {
+            return None;
+        }
+        let reach = Cap { axis: cap.axis, radius: (cap.radius + MARGIN).min(PI) };
+        Some(Self { smoothing, diagonal, lights: lights.to_vec(), reach, linear, solution })
+    }
+
+    /// By how much each light's value counts towards `direction`: N numbers.
+    pub(crate) fn row(&self, direction: Direction) -> Vec<f64> {
+        let direction = self.reach.nearest(direction);
+        let kernels = self.lights.iter().map(|&light| kernel(direction, light));
+        let factors: Vec<f64> = kernels.chain(self.linear.iter().map(|l| value_of(l, direction))).collect();
+        let column = |j: usize| self.solution.column(j).iter().zip(&factors).map(|(s, f)| s * f).sum();
+        (0..self.lights.len()).map(column).collect()
+    }
+
+    /// What the values are multiplied by for light `light`'s own less its prediction from the others.
+    ///
+    /// Source: Rippa, *An algorithm for selecting a good value for the parameter c in radial basis function
+    /// interpolation*, 1999, which holds with smoothing too.
+    pub(crate) fn left_out(&self, light: usize) -> Vec<f64> {
+        let row = self.solution.row(light);
+        let own = row[light];
+        // Nothing else says anything about a light that the linear functions need: its prediction is 0.
+        let only = |j: usize| if j == light { 1.0 } else { 0.0 };
+        (0..self.lights.len()).map(|j| if own > 1e-12 { row[j] / own } else { only(j) }).collect()
+    }
+
+    /// How much of a light's value is not its own fit's: 1 less the leverage.
+    pub(crate) fn freedom(&self, light: usize) -> f64 {
+        self.diagonal * self.solution[(light, light)]
+    }
+
+    /// Number of lights.
+    pub(crate) fn lights(&self) -> usize {
+        self.lights.len()
+    }
+
+    /// The outermost directions at which values still change.
+    pub(crate) fn reach(&self) -> Cap {
+        self.reach
+    }
+
+    /// Radius of the cap that holds the lights.
+    pub(crate) fn covered(&self) -> f64 {
+        (self.reach.radius - MARGIN).max(0.0)
+    }
+
+    /// Whether no light lies below the picture's plane.
+    pub(crate) fn above_horizon(&self) -> bool {
+        self.lights.iter().all(|light| light.z() >= 0.0)
+    }
+}
+
+fn one_x_y_z(direction: Direction) -> [f64; 4] {
+    let [x, y, z] = direction.components();
+    [1.0, x, y, z]
+}
+
+fn value_of(linear: &[f64; 4], direction: Direction) -> f64 {
+    linear.iter().zip(one_x_y_z(direction)).map(|(c, v)| c * v).sum()
+}
+
+/// r^2 log r.
+fn kernel(a: Direction, b: Direction) -> f64 {
+    let [a, b] = [a, b].map(Direction::components);
+    let square: f64 = (0..3).map(|i| (a[i] - b[i]) * (a[i] - b[i])).sum();
+    if square > 0.0 { 0.5 * square * libm::log(square) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use relight_core::sphere::fibonacci_in;
+
+    fn dome(count: usize) -> Vec<Direction> {
+        fibonacci_in(Cap { axis: Direction::OUT, radius: 1.3 }, count)
+    }
+
+    fn applied(row: &[f64], values: &[f64]) -> f64 {
+        row.iter().zip(values).map(|(a, b)| a * b).sum()
+    }
+
+    #[test]
+    fn linear_functions_are_kept_and_values_met() {
+        let lights = dome(30);
+        let fit = Interpolation::new(&lights, 1e-6).unwrap();
+        let linear = |d: Direction| 0.3 + 0.2 * d.x() - d.y() + 0.5 * d.z();
+        let values: Vec<f64> = lights.iter().map(|&light| linear(light)).collect();
+        for direction in dome(200) {
+            assert!((applied(&fit.row(direction), &values) - linear(direction)).abs() < 1e-9);
+        }
+        let values: Vec<f64> = (0..30).map(|i| f64::from(i * 7 % 11)).collect();
+        for (light, value) in lights.iter().zip(&values) {
+            assert!((applied(&fit.row(*light), &values) - value).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn leaving_out_in_closed_form_is_leaving_out() {
+        let lights = dome(20);
+        let values: Vec<f64> = (0..20).map(|i| f64::from(i * 7 % 11) * 0.1).collect();
+        let fit = Interpolation::new(&lights, 0.03).unwrap();
+        for light in [0, 7, 19] {
+            let others: Vec<usize> = (0..20).filter(|&i| i != light).collect();
+            let n = others.len();
+            let diagonal = fit.diagonal;
+            let at = |i: usize| lights[others[i]];
+            let system = DMatrix::from_fn(n + 4, n + 4, |i, j| match (i < n, j < n) {
+                (true, true) => kernel(at(i), at(j)) + if i == j { diagonal } else { 0.0 },
+                (true, false) => one_x_y_z(at(i))[j - n],
+                (false, true) => one_x_y_z(at(j))[i - n],
+                (false, false) => 0.0,
+            });
+            let right = DMatrix::from_fn(n + 4, 1, |i, _| if i < n { values[others[i]] } else { 0.0 });
+            let solved = system.lu().solve(&right).unwrap();
+            let kernels = (0..n).map(|i| kernel(lights[light], at(i)) * solved[i]).sum::<f64>();
+            let linear: f64 = (0..4).map(|j| one_x_y_z(lights[light])[j] * solved[n + j]).sum();
+            let expected = values[light] - kernels - linear;
+            assert!((applied(&fit.left_out(light), &values) - expected).abs() < 1e-8, "{light}");
+        }
+    }
+
+    #[test]
+    fn few_coplanar_and_coincident_lights_have_a_solution() {
+        let ring: Vec<Direction> =
+            (0..12).map(|i| Direction::from_azimuth_elevation(f64::from(i) * 0.5, 0.6).unwrap()).collect();
+        let mut twice = dome(9);
+        twice.extend(dome(9));
+        for lights in [dome(1), dome(2), dome(3), ring, twice, vec![Direction::OUT; 5]] {
+            let fit = Interpolation::new(&lights, 1e-6).unwrap();
+            let ones = vec![1.0; lights.len()];
+            for direction in fibonacci_in(Cap { axis: Direction::OUT, radius: 3.1 }, 50) {
+                let value = applied(&fit.row(direction), &ones);
+                assert!((value - 1.0).abs() < 1e-6, "{} lights: {value}", lights.len());
+            }
+        }
+    }
+}
