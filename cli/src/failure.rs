@@ -113,6 +113,7 @@ impl From<FitError> for Failure {
         let exit = match error {
             FitError::Stack(_) => Exit::InputOutput,
             FitError::NoLights => Exit::BadInput,
+            FitError::OutOfReach { .. } => Exit::CheckFailed,
             _ => Exit::Usage,
         };
         Self::new(exit, words(&error))

@@ -97,7 +97,11 @@ impl MachineOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MemorySize(pub(crate) u64);
 
-impl FromStr for MemorySize {
+/// A number of bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ByteCount(pub(crate) u64);
+
+impl FromStr for ByteCount {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -118,10 +122,21 @@ impl FromStr for MemorySize {
         };
         let number: f64 = digits.trim().parse().map_err(|_| refused())?;
         let bytes = number * (1u64 << shift) as f64;
-        if !(bytes >= (1 << 20) as f64 && bytes < (1u64 << 50) as f64) {
-            return Err(format!("{text} is outside 1M..1024T"));
+        if !(bytes >= 1.0 && bytes < (1u64 << 50) as f64) {
+            return Err(format!("{text} is outside 1 byte to 1024T"));
         }
         Ok(Self(bytes as u64))
+    }
+}
+
+impl FromStr for MemorySize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.parse()? {
+            ByteCount(bytes) if bytes >= 1 << 20 => Ok(Self(bytes)),
+            ByteCount(_) => Err(format!("{text} is outside 1M..1024T")),
+        }
     }
 }
 

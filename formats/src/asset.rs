@@ -7,6 +7,7 @@ mod dds;
 mod document;
 mod exr;
 mod exr_reader;
+mod function_table;
 mod ktx2;
 mod ktx2_reader;
 mod planar;
@@ -20,6 +21,7 @@ mod textures_reader;
 mod unpack;
 mod zstandard;
 
+pub use function_table::write_function_table;
 pub use positions::AssetPositions;
 pub use summary::{AssetSummary, describe_asset, summarize_asset};
 

@@ -21,7 +21,7 @@ mod stack;
 
 pub use asset::{
     AssetFormat, AssetHeader, AssetPlan, AssetPositions, AssetWriter, Parts, WriteSettings, describe_asset,
-    plane_names, read_asset, read_packed, read_positions, summarize_asset,
+    plane_names, read_asset, read_packed, read_positions, summarize_asset, write_function_table,
 };
 pub use camera_file::read_camera_file;
 pub use capture_folder::{OpenCapture, open_capture};

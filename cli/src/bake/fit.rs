@@ -1,22 +1,71 @@
 //! From options and lights to a solved fit, and what is worth saying about it.
 
 use super::BakeArguments;
-use crate::failure::Failure;
+use crate::failure::{Exit, Failure};
 use crate::interrupt;
 use relight_core::basis::Learned;
 use relight_core::{Basis, Design, FitFigures, Layout, Stack};
 use relight_fit::{
-    ChannelSample, FitError, LIGHTS_PER_FUNCTION, LearnedDesign, LearnedFit, LeastSquares, LeaveOneOut,
-    Misfit, PixelFit, Sample, WORST_CONDITION, largest_usable, misfits,
+    ChannelSample, FitError, LIGHTS_PER_FUNCTION, LearnedFit, LeastSquares, LeaveOneOut, Misfit, PixelFit,
+    Sample, WORST_CONDITION, largest_usable, misfits,
 };
 use relight_formats::OpenCapture;
+use relight_texture::{TexelFormat, level_size};
 
 /// The basis to fit.
 pub(super) struct Choice {
-    /// Learned functions are blank as yet: only their number is known.
-    pub(super) basis: Basis,
+    /// What is fitted; `None` where functions are learned from the pictures alone.
+    basis: Option<Basis>,
+    /// Planes at most and channels, where planes are learned.
+    planes: Option<(usize, usize)>,
     notes: Vec<String>,
 }
+
+impl Choice {
+    /// No more planes than `budget` bytes of texels in all levels hold.
+    ///
+    /// # Errors
+    /// Exit code 2 where formats are yet to be chosen, 5 where not one layer fits.
+    pub(super) fn keep_within(
+        &mut self,
+        budget: u64,
+        formats: &[TexelFormat],
+        (width, height): (usize, usize),
+        levels: usize,
+    ) -> Result<(), Failure> {
+        let &[format] = formats else {
+            return Err(Failure::usage("--budget-bytes needs one format; --block auto has --bits-per-pixel"));
+        };
+        let layer: u64 =
+            (0..levels).map(|l| format.layer_bytes(level_size(width, l), level_size(height, l))).sum();
+        let layers = budget / layer.max(1);
+        if layers == 0 {
+            let message = format!(
+                "--budget-bytes {budget}: one layer of {} of {width} x {height} takes {layer} bytes",
+                format.name()
+            );
+            return Err(Failure::new(Exit::OverBudget, message));
+        }
+        if let Some((planes, _)) = &mut self.planes {
+            *planes = (*planes as u64).min(layers * format.channels() as u64) as usize;
+        }
+        Ok(())
+    }
+
+    /// The basis that is stored; learned functions are blank as yet: only their number is known.
+    pub(super) fn stored(&self) -> Result<Basis, Failure> {
+        match (&self.basis, self.planes) {
+            (Some(basis), None) => Ok(basis.clone()),
+            (_, planes) => {
+                let (planes, channels) = planes.unwrap_or((1, 3));
+                Ok(Basis::Learned(Learned::blank(planes, channels)?))
+            }
+        }
+    }
+}
+
+/// Planes among which --target-psnr and --budget-bytes choose when -k sets no limit.
+const MOST_PLANES: usize = 64;
 
 /// How coefficients come about.
 pub(super) enum Solved {
@@ -67,7 +116,8 @@ impl Solved {
             Self::Functions(fit, _) => {
                 format!("{} with {} functions", fit.basis.family().name, fit.basis.count())
             }
-            Self::Planes(fit) => format!("{} with {} planes", fit.basis.origin(), fit.basis.planes()),
+            Self::Planes(fit) if fit.smoothing.is_some() => format!("pca with {} planes", fit.basis.planes()),
+            Self::Planes(fit) => format!("{} in {} planes", fit.basis.origin(), fit.basis.planes()),
         }
     }
 }
@@ -77,15 +127,20 @@ pub(super) fn choose_basis(arguments: &BakeArguments, capture: &OpenCapture) -> 
     let family = arguments.family()?;
     let lights = &capture.capture.lights;
     let srbf = arguments.srbf()?;
+    let channels = if capture.is_grey() { 1 } else { 3 };
     if family.learned {
-        let channels = if capture.is_grey() { 1 } else { 3 };
-        let planes = arguments.asked_count()?.unwrap_or(family.default_count);
-        let basis = Basis::Learned(Learned::blank(planes, channels)?);
-        return Ok(Choice { basis, notes: Vec::new() });
+        let most = match arguments.target_psnr {
+            Some(_) => MOST_PLANES,
+            None if arguments.budget_bytes.is_some() => MOST_PLANES,
+            None => family.default_count,
+        };
+        let planes = arguments.asked_count()?.unwrap_or(most);
+        return Ok(Choice { basis: None, planes: Some((planes, channels)), notes: Vec::new() });
     }
+    let planes = arguments.planes.map(|planes| (planes, channels));
     let build = |count| family.build(&Design { count, lights, srbf });
     if let Some(count) = arguments.asked_count()? {
-        return Ok(Choice { basis: build(count)?, notes: Vec::new() });
+        return Ok(Choice { basis: Some(build(count)?), planes, notes: Vec::new() });
     }
     let smallest = family.counts_up_to(family.default_count).first().copied().unwrap_or(family.default_count);
     let usable = largest_usable(family, lights, srbf, family.default_count)?;
@@ -103,7 +158,7 @@ pub(super) fn choose_basis(arguments: &BakeArguments, capture: &OpenCapture) -> 
             basis.count()
         ));
     }
-    Ok(Choice { basis, notes })
+    Ok(Choice { basis: Some(basis), planes, notes })
 }
 
 /// Solves the fit and examines it.
@@ -115,29 +170,37 @@ pub(super) fn solve(
     stack: &dyn Stack,
 ) -> Result<BakeFit, Failure> {
     let directions = capture.capture.lights.directions();
-    let Choice { basis, mut notes } = choice;
-    let (solved, misfits) = match basis {
-        Basis::Learned(blank) => {
-            let sample = ChannelSample::of(stack).map_err(FitError::from)?;
-            interrupt::check()?;
-            let design = LearnedDesign { planes: blank.planes(), opponent: arguments.opponent() };
-            let fit = LearnedFit::new(&directions, design, &sample)?;
-            let (found, asked) = (fit.basis.planes(), blank.planes());
-            if found < asked {
-                notes.push(format!(
-                    "{} pictures of {} channels have no more than {found} planes of the {asked} asked for",
-                    directions.len(),
-                    sample.channels
-                ));
-            }
-            (Solved::Planes(fit), misfits(&capture.capture.lights, &sample.of_pictures)?)
-        }
-        basis => {
+    let Choice { basis, planes, mut notes } = choice;
+    let lights = &capture.capture.lights;
+    let least_squares = |basis: Basis, sample: &Sample, notes: &mut Vec<String>| -> Result<_, Failure> {
+        let fit = LeastSquares::new(basis, &directions, arguments.weighting(), arguments.ridge, sample)?;
+        notes.extend(deficiency(arguments, capture, &fit)?);
+        Ok(fit)
+    };
+    let (solved, misfits) = match (basis, planes) {
+        (Some(basis), None) => {
             let sample = Sample::of(stack).map_err(FitError::from)?;
             interrupt::check()?;
-            let fit = LeastSquares::new(basis, &directions, arguments.weighting(), arguments.ridge, &sample)?;
-            notes.extend(deficiency(arguments, capture, &fit)?);
-            (Solved::Functions(fit, layout), misfits(&capture.capture.lights, &sample)?)
+            let fit = least_squares(basis, &sample, &mut notes)?;
+            (Solved::Functions(fit, layout), misfits(lights, &sample)?)
+        }
+        (basis, planes) => {
+            let sample = ChannelSample::of(stack).map_err(FitError::from)?;
+            interrupt::check()?;
+            let asked = planes.map_or(1, |(planes, _)| planes);
+            let design = arguments.learned_design(asked);
+            let fit = match basis {
+                None => LearnedFit::new(&directions, design, &sample)?,
+                Some(basis) => {
+                    let fit = least_squares(basis, &sample.of_pictures, &mut notes)?;
+                    LearnedFit::factored(&fit, &directions, design, &sample)?
+                }
+            };
+            let found = fit.basis.planes();
+            if found < asked && arguments.target_psnr.is_none() {
+                notes.push(format!("the pictures have no more than {found} planes of the {asked} asked for"));
+            }
+            (Solved::Planes(fit), misfits(lights, &sample.of_pictures)?)
         }
     };
     let name = |light: usize| &capture.capture.lights.lights[light].name;

@@ -7,13 +7,14 @@ mod textures;
 
 use crate::failure::Failure;
 use crate::holdout::Holdout;
-use crate::options::{Machine, MachineOptions, check_apart, check_writable};
+use crate::options::{ByteCount, Machine, MachineOptions, check_apart, check_writable};
 use crate::{evaluate, interrupt, notes, progress};
 use clap::{Args, ValueEnum};
 use relight_core::basis::{Domain, FAMILIES, Kernel, PointSet, Spread, SrbfDesign};
 use relight_core::{Layout, Model, Space, Stack};
 use relight_fit::{
-    LightWeights, Ridge, coefficient_distributions, coefficient_sample, for_each_span, span_bytes,
+    LearnedDesign, LightWeights, Ridge, coefficient_distributions, coefficient_sample, for_each_span,
+    span_bytes,
 };
 use relight_formats::{
     AssetFormat, AssetHeader, AssetPlan, AssetPositions, OpenCapture, Parts, PictureStack, StackSettings,
@@ -47,6 +48,16 @@ pub(crate) struct BakeArguments {
     /// luminance or chrominance each
     #[arg(long, value_name = "COLOR", value_enum, default_value = "rgb")]
     color: Color,
+    /// Store so many planes instead of all coefficients of ptm, sh, hsh or srbf: those that carry most of them
+    #[arg(long, value_name = "N", value_parser = size_of, allow_negative_numbers = true)]
+    planes: Option<usize>,
+    /// Of pca and --planes: take the fewest planes whose mean PSNR on lights predicted from the others reaches
+    /// this (dB)
+    #[arg(long, value_name = "DB", value_parser = decibels_of, allow_negative_numbers = true)]
+    target_psnr: Option<f64>,
+    /// Of pca and --planes: take no more planes than texels of so many bytes hold, mip levels included; 8M, 512K
+    #[arg(long, value_name = "BYTES")]
+    budget_bytes: Option<ByteCount>,
     /// Values to fit: auto takes 8/16-bit pictures encoded and float pictures linear
     #[arg(long, value_name = "SPACE", value_enum, default_value = "auto")]
     space: SpaceChoice,
@@ -137,6 +148,13 @@ fn size_of(text: &str) -> Result<usize, String> {
     text.parse().map_err(|_| "write a whole number such as 9".to_owned())
 }
 
+fn decibels_of(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(decibels) if (0.0..=120.0).contains(&decibels) => Ok(decibels),
+        _ => Err("write decibels from 0 to 120".to_owned()),
+    }
+}
+
 fn ridge_of(text: &str) -> Result<Ridge, String> {
     match text.parse::<f64>() {
         _ if text == "auto" => Ok(Ridge::Auto),
@@ -188,18 +206,21 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges).chain(positions).collect();
     check_apart(std::iter::once(&arguments.output).chain(&arguments.report), inputs.iter().copied())?;
     let space = arguments.space(&all);
-    let choice = fit::choose_basis(arguments, &fitted)?;
     let layout = arguments.layout(&fitted)?;
+    let (width, height) = (fitted.infos[0].width, fitted.infos[0].height);
+    let formats = arguments.textures.formats(arguments.precision.map(Precision::from), format, layout)?;
+    let levels = arguments.textures.levels(width, height);
+    let mut choice = fit::choose_basis(arguments, &fitted)?;
+    if let Some(budget) = arguments.budget_bytes {
+        choice.keep_within(budget.0, &formats, (width, height), levels)?;
+    }
     let mut model = Model {
-        basis: choice.basis.clone(),
+        basis: choice.stored()?,
         layout,
         space,
         lights: fitted.capture.lights.directions(),
         figures: None,
     };
-    let (width, height) = (fitted.infos[0].width, fitted.infos[0].height);
-    let formats = arguments.textures.formats(arguments.precision.map(Precision::from), format, layout)?;
-    let levels = arguments.textures.levels(width, height);
     let plan = AssetPlan { width, height, model: &model, formats: &formats, levels };
     format.check(&arguments.output, &plan, &settings).map_err(Failure::of_output)?;
 
@@ -378,14 +399,19 @@ impl BakeArguments {
     }
 
     fn layout(&self, capture: &OpenCapture) -> Result<Layout, Failure> {
-        let learned = self.family()?.learned;
+        let learned = self.learns()?;
         Ok(match self.color {
             Color::Rgb | Color::Ycc if learned => Layout::Shared,
             Color::Lrgb if learned => {
-                return Err(Failure::usage("--color lrgb is not for --basis pca; use rgb or ycc"));
+                return Err(Failure::usage(
+                    "--color lrgb is not for --basis pca and --planes; use rgb or ycc",
+                ));
             }
             Color::Ycc => {
-                let message = format!("--color ycc belongs to --basis pca; {} has rgb and lrgb", self.basis);
+                let message = format!(
+                    "--color ycc belongs to --basis pca and --planes; {} alone has rgb and lrgb",
+                    self.basis
+                );
                 return Err(Failure::usage(message));
             }
             Color::Lrgb => Layout::Lrgb,
@@ -394,9 +420,25 @@ impl BakeArguments {
         })
     }
 
-    /// Whether planes are luminance or chrominance each.
-    fn opponent(&self) -> bool {
-        self.color == Color::Ycc
+    /// Whether planes are learned.
+    fn learns(&self) -> Result<bool, Failure> {
+        let learned = self.family()?.learned;
+        if learned && self.planes.is_some() {
+            return Err(Failure::usage("--planes is for ptm, sh, hsh and srbf; pca has -k"));
+        }
+        let chooses =
+            [("target-psnr", self.target_psnr.is_some()), ("budget-bytes", self.budget_bytes.is_some())];
+        let chooses = chooses.into_iter().find(|(_, given)| *given && !learned && self.planes.is_none());
+        if let Some((flag, _)) = chooses {
+            let message = format!("--{flag} chooses planes: give --basis pca, or --planes and the most");
+            return Err(Failure::usage(message));
+        }
+        Ok(learned || self.planes.is_some())
+    }
+
+    /// How `planes` planes at most are learned.
+    fn learned_design(&self, planes: usize) -> LearnedDesign {
+        LearnedDesign { planes, opponent: self.color == Color::Ycc, target_psnr: self.target_psnr }
     }
 
     /// The number of functions asked for by -k, --order or --degree; `None` for the default.

@@ -16,6 +16,15 @@ pub enum FitError {
     },
     /// LRGB was asked for pictures of one channel.
     GreyHasNoColor,
+    /// A mean PSNR that is not to be had.
+    OutOfReach {
+        /// What was asked for, in dB.
+        target: f64,
+        /// So many planes ..
+        planes: usize,
+        /// .. reach this.
+        best: f64,
+    },
     /// Functions that can't be stored.
     Basis(BasisError),
     /// The pictures could not be read back.
@@ -32,6 +41,11 @@ impl fmt::Display for FitError {
             Self::GreyHasNoColor => {
                 write!(f, "the pictures are grey, so there is no base colour to store; use --color rgb")
             }
+            Self::OutOfReach { target, planes, best } => write!(
+                f,
+                "{planes} planes reach {best:.2} dB on lights predicted from the others, not {target}; allow more \
+                 planes or lower --target-psnr"
+            ),
             Self::Basis(error) => write!(f, "{error}"),
             Self::Stack(error) => write!(f, "{error}"),
         }

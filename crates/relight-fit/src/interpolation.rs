@@ -15,8 +15,8 @@ const SMOOTHINGS: [f64; 6] = [1e-6, 1e-3, 1e-2, 3e-2, 0.1, 0.3];
 /// Beyond the outermost light by more than this (radians), values stay what they are there: splines run away.
 const MARGIN: f64 = 0.1;
 
-/// Linear functions that the lights tell apart by less than this part of the first don't take part: all lights
-/// in a plane, on a ring, in one place.
+/// Linear functions along which the lights lie apart by less than this don't take part: all lights in a plane,
+/// on a ring, in one place.
 const FLAT: f64 = 1e-6;
 
 /// The thin-plate spline r^2 log r of the chord r between directions, plus linear functions of direction.
@@ -30,7 +30,7 @@ pub(crate) struct Interpolation {
     /// The same as a number.
     diagonal: f64,
     lights: Vec<Direction>,
-    reach: Cap,
+    covered: Cap,
     /// Linear functions as coefficients of 1, x, y, z.
     linear: Vec<[f64; 4]>,
     /// (N + linear functions) x N: from values to what kernels and linear functions are multiplied by.
@@ -62,16 +62,29 @@ impl Interpolation {
     /// `None` without lights or where the system has no solution.
     pub(crate) fn new(lights: &[Direction], smoothing: f64) -> Option<Self> {
         let n = lights.len();
-        let cap = Cap::enclosing(lights)?;
-        let design = DMatrix::from_fn(n, 4, |i, j| one_x_y_z(lights[i])[j]);
-        let SingularValues { values, right, left } = SingularValues::of(design);
-        let rank = values.iter().filter(|&&value| value > FLAT * values[0]).count();
-        let linear: Vec<[f64; 4]> = (0..rank).map(|r| [0, 1, 2, 3].map(|i| right[(i, r)])).collect();
+        let covered = Cap::enclosing(lights)?;
+        let sum = lights.iter().fold([0.0; 3], |sum, light| {
+            let d = light.components();
+            [0, 1, 2].map(|i| sum[i] + d[i])
+        });
+        let middle = sum.map(|s| s / n as f64);
+        let around = DMatrix::from_fn(n, 3, |i, j| lights[i].components()[j] - middle[j]);
+        let SingularValues { values, right, left } = SingularValues::of(around);
+        let told_apart = values.iter().filter(|&&value| value > FLAT * (n as f64).sqrt()).count();
+        // 1, and the directions along which the lights lie apart.
+        let mut linear = vec![[1.0, 0.0, 0.0, 0.0]];
+        linear.extend((0..told_apart).map(|r| {
+            let [x, y, z] = [0, 1, 2].map(|i| right[(i, r)]);
+            [-(0..3).map(|i| right[(i, r)] * middle[i]).sum::<f64>(), x, y, z]
+        }));
+        let rank = linear.len();
+        // Orthonormal over the lights.
+        let flat = |i: usize, r: usize| if r == 0 { 1.0 / (n as f64).sqrt() } else { left[(i, r - 1)] };
         // The kernel's trace is 0: its mean eigenvalue beside the linear functions is what they take away.
         let of_linear: f64 = (0..rank)
             .map(|r| {
-                let row = |i: usize| (0..n).map(|j| kernel(lights[i], lights[j]) * left[(j, r)]).sum::<f64>();
-                (0..n).map(|i| left[(i, r)] * row(i)).sum::<f64>()
+                let row = |i: usize| (0..n).map(|j| kernel(lights[i], lights[j]) * flat(j, r)).sum::<f64>();
+                (0..n).map(|i| flat(i, r) * row(i)).sum::<f64>()
             })
             .sum();
         let mean = if n > rank { -of_linear / (n - rank) as f64 } else { 0.0 };
@@ -86,13 +99,13 @@ impl Interpolation {
         if solution.iter().any(|value| !value.is_finite()) {
             return None;
         }
-        let reach = Cap { axis: cap.axis, radius: (cap.radius + MARGIN).min(PI) };
-        Some(Self { smoothing, diagonal, lights: lights.to_vec(), reach, linear, solution })
+        Some(Self { smoothing, diagonal, lights: lights.to_vec(), covered, linear, solution })
     }
 
     /// By how much each light's value counts towards `direction`: N numbers.
     pub(crate) fn row(&self, direction: Direction) -> Vec<f64> {
-        let direction = self.reach.nearest(direction);
+        let reach = Cap { axis: self.covered.axis, radius: (self.covered.radius + MARGIN).min(PI) };
+        let direction = reach.nearest(direction);
         let kernels = self.lights.iter().map(|&light| kernel(direction, light));
         let factors: Vec<f64> = kernels.chain(self.linear.iter().map(|l| value_of(l, direction))).collect();
         let column = |j: usize| self.solution.column(j).iter().zip(&factors).map(|(s, f)| s * f).sum();
@@ -116,24 +129,14 @@ impl Interpolation {
         self.diagonal * self.solution[(light, light)]
     }
 
-    /// Number of lights.
-    pub(crate) fn lights(&self) -> usize {
-        self.lights.len()
+    /// The lights.
+    pub(crate) fn lights(&self) -> &[Direction] {
+        &self.lights
     }
 
-    /// The outermost directions at which values still change.
-    pub(crate) fn reach(&self) -> Cap {
-        self.reach
-    }
-
-    /// Radius of the cap that holds the lights.
-    pub(crate) fn covered(&self) -> f64 {
-        (self.reach.radius - MARGIN).max(0.0)
-    }
-
-    /// Whether no light lies below the picture's plane.
-    pub(crate) fn above_horizon(&self) -> bool {
-        self.lights.iter().all(|light| light.z() >= 0.0)
+    /// The cap that holds the lights.
+    pub(crate) fn covered(&self) -> Cap {
+        self.covered
     }
 }
 

@@ -9,21 +9,18 @@
 //! Source: MATH.md sections 4 and 5 (principal components, interpolated directions); docs/accuracy.md,
 //! "Learned planes", for what M gains.
 
+use crate::continuation::Continuation;
 use crate::interpolation::Interpolation;
 use crate::principal::principal;
-use crate::{ChannelSample, FitError, LeaveOneOut};
+use crate::{ChannelSample, FitError, LeastSquares, LeaveOneOut};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use relight_core::basis::Learned;
-use relight_core::sphere::{Cap, Octahedral, fibonacci_in};
+use relight_core::sphere::{Octahedral, fibonacci_in};
 use relight_core::{Direction, FitFigures};
 
 /// Directions over which energy is a mean, and by which tables are judged.
 const DIRECTIONS: usize = 1024;
-
-/// The part of the pictures as they lie in what counts as energy: lights that were measured are better known
-/// than directions between them.
-const MEASURED: f64 = 0.25;
 
 /// Edges of tables that are tried.
 const NODES: [usize; 10] = [8, 10, 12, 16, 20, 24, 32, 40, 48, 64];
@@ -45,12 +42,15 @@ const OPPONENT: [[f64; 3]; 3] = [
 ];
 
 /// How planes are learned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LearnedDesign {
     /// How many at most.
     pub planes: usize,
     /// Whether each is luminance or chrominance alone, rather than whatever carries most energy.
     pub opponent: bool,
+    /// The mean PSNR (dB) over lights predicted from the others that the fewest planes are to reach; all are
+    /// taken where none is given.
+    pub target_psnr: Option<f64>,
 }
 
 /// Learned planes of a capture.
@@ -63,8 +63,9 @@ pub struct LearnedFit {
     pub projection: Vec<f64>,
     /// By plane, the part of the pictures' energy that it explains, falling.
     pub energy: Vec<f64>,
-    /// The smoothing of directions that was taken, a part of the kernel's mean eigenvalue.
-    pub smoothing: f64,
+    /// The smoothing of directions that was taken, a part of the kernel's mean eigenvalue; `None` where
+    /// functions of another family continue the pictures.
+    pub smoothing: Option<f64>,
     /// Errors of each light on the sample.
     pub leave_one_out: LeaveOneOut,
     /// The same over all lights.
@@ -78,7 +79,8 @@ impl LearnedFit {
     /// where the pictures have no more.
     ///
     /// # Errors
-    /// [`FitError::NoLights`]; [`FitError::Basis`] for a number of planes outside 1 to 128.
+    /// [`FitError::NoLights`]; [`FitError::Basis`] for a number of planes outside 1 to 128;
+    /// [`FitError::OutOfReach`] for a target that no number of planes up to the design's reaches.
     ///
     /// # Panics
     /// When the sample is of another number of lights.
@@ -87,46 +89,99 @@ impl LearnedFit {
         design: LearnedDesign,
         sample: &ChannelSample,
     ) -> Result<Self, FitError> {
-        let channels = sample.channels;
-        assert_eq!(sample.means.len(), lights.len() * channels, "sample of another light set");
-        let interpolation =
+        assert_eq!(sample.means.len(), lights.len() * sample.channels, "sample of another light set");
+        let spline =
             Interpolation::of_pictures(lights, &sample.of_pictures.gram).ok_or(FitError::NoLights)?;
+        let smoothing = spline.smoothing;
+        Self::with(&Continuation::Spline(spline), "pca".to_owned(), Some(smoothing), design, sample)
+    }
+
+    /// The planes that carry most of what a fit's functions make of the pictures, over all directions that the
+    /// lights cover: a truncated singular value decomposition of its coefficient maps in the metric of their
+    /// functions. Planes are shared by functions and channels.
+    ///
+    /// # Errors
+    /// As of [`LearnedFit::new`].
+    ///
+    /// # Panics
+    /// As there.
+    pub fn factored(
+        fit: &LeastSquares,
+        lights: &[Direction],
+        design: LearnedDesign,
+        sample: &ChannelSample,
+    ) -> Result<Self, FitError> {
+        assert_eq!(sample.means.len(), lights.len() * sample.channels, "sample of another light set");
+        let origin = format!("{} {}", fit.basis.family().name, fit.basis.count());
+        let functions = Continuation::of_functions(fit, lights).ok_or(FitError::NoLights)?;
+        Self::with(&functions, origin, None, design, sample)
+    }
+
+    fn with(
+        continuation: &Continuation<'_>,
+        origin: String,
+        smoothing: Option<f64>,
+        design: LearnedDesign,
+        sample: &ChannelSample,
+    ) -> Result<Self, FitError> {
+        let (channels, width) = (sample.channels, sample.means.len());
+        let lights = width / channels;
         let covariance = covariance_of(sample);
-        let root = energy_root(lights.len(), &interpolation);
+        let root = energy_root(lights, continuation);
         let weighted = weighted_covariance(&covariance, &root, channels);
         let weighted = if design.opponent && channels == 3 { split(weighted) } else { weighted };
-        let found = principal(&weighted, lights.len() * channels, design.planes.max(1));
-        let total = weighted.iter().step_by(lights.len() * channels + 1).sum::<f64>();
+        let found = principal(&weighted, width, design.planes.max(1));
+        let total = weighted.iter().step_by(width + 1).sum::<f64>();
         let largest = found.values.first().copied().unwrap_or(0.0);
         let worth = found.values.iter().filter(|&&value| value > NO_ENERGY * largest).count();
-        let planes = worth.clamp(1, design.planes.max(1));
+        let most = worth.min(continuation.freedoms() * channels).clamp(1, design.planes.max(1));
+
+        let of_planes = |planes: usize| {
+            let components = Components::new(&found.vectors[..planes * width], &root, channels);
+            let at_lights = functions_at_lights(sample, &components);
+            let judged = judge(continuation, sample, &covariance, &components, &at_lights);
+            (components, at_lights, judged)
+        };
+        let planes = match design.target_psnr {
+            None => most,
+            Some(target) => fewest(most, target, |planes| of_planes(planes).2.errors.left_out_psnr())?,
+        };
+        let (components, at_lights, judged) = of_planes(planes);
         let energy = found.values[..planes]
             .iter()
             .map(|value| if total > 0.0 { value / total } else { 0.0 })
             .collect();
-
-        let components = Components::new(&found.vectors[..planes * lights.len() * channels], &root, channels);
-        let at_lights = functions_at_lights(sample, &components);
-        let judged = judge(&interpolation, sample, &covariance, &components, &at_lights);
-        let weights = vec![1.0; lights.len()];
+        let weights = vec![1.0; lights];
         let figures = FitFigures {
             fit_rmse: LeaveOneOut::mean(&judged.errors.fit, &weights),
             leave_one_out_rmse: LeaveOneOut::mean(&judged.errors.left_out, &weights),
         };
         let allowed = (TABLE_ERROR * figures.leave_one_out_rmse).max(SMALLEST_ERROR);
-        let (square, table) =
-            table_of(&interpolation, &at_lights, &judged.plane_covariance, channels, allowed);
-        let basis =
-            Learned::new("pca".to_owned(), planes, channels, square, table).map_err(FitError::Basis)?;
+        let (square, table) = table_of(continuation, &at_lights, &judged.plane_covariance, channels, allowed);
+        let basis = Learned::new(origin, planes, channels, square, table).map_err(FitError::Basis)?;
         Ok(Self {
             basis,
             projection: components.projection,
             energy,
-            smoothing: interpolation.smoothing,
+            smoothing,
             leave_one_out: judged.errors,
             figures,
         })
     }
+}
+
+/// The fewest planes up to `most` whose figure reaches `target`.
+fn fewest(most: usize, target: f64, figure: impl Fn(usize) -> f64) -> Result<usize, FitError> {
+    let best = figure(most);
+    if best < target {
+        return Err(FitError::OutOfReach { target, planes: most, best });
+    }
+    let (mut below, mut enough) = (0, most);
+    while enough - below > 1 {
+        let middle = below + (enough - below) / 2;
+        *if figure(middle) >= target { &mut enough } else { &mut below } = middle;
+    }
+    Ok(enough)
 }
 
 /// Means over the sample of products of what is left of rows without their means.
@@ -138,15 +193,13 @@ fn covariance_of(sample: &ChannelSample) -> Vec<f64> {
 }
 
 /// L of M = L L^T, N x N: M the mean of h h^T over directions, and a part of the lights themselves.
-fn energy_root(n: usize, interpolation: &Interpolation) -> DMatrix<f64> {
-    let reach = interpolation.reach();
-    // Without the margin: nothing was measured there.
-    let covered = Cap { axis: reach.axis, radius: interpolation.covered() };
-    let rows: Vec<Vec<f64>> = fibonacci_in(covered, DIRECTIONS)
+fn energy_root(n: usize, continuation: &Continuation<'_>) -> DMatrix<f64> {
+    let rows: Vec<Vec<f64>> = fibonacci_in(continuation.covered(), DIRECTIONS)
         .into_par_iter()
-        .map(|direction| interpolation.row(direction))
+        .map(|direction| continuation.row(direction))
         .collect();
-    let share = (1.0 - MEASURED) * n as f64 / rows.len() as f64;
+    let measured = continuation.measured_share();
+    let share = (1.0 - measured) * n as f64 / rows.len() as f64;
     let columns: Vec<Vec<f64>> = (0..n)
         .into_par_iter()
         .map(|i| {
@@ -156,12 +209,12 @@ fn energy_root(n: usize, interpolation: &Interpolation) -> DMatrix<f64> {
                     *sum += row[i] * h * share;
                 }
             }
-            column[i] += MEASURED;
+            column[i] += measured;
             column
         })
         .collect();
     let energy = DMatrix::from_fn(n, n, |i, j| columns[j][i]);
-    // At least a quarter on the diagonal: there is always a root.
+    // The measured share keeps it positive.
     energy.cholesky().map_or_else(|| DMatrix::identity(n, n), |root| root.unpack())
 }
 
@@ -298,7 +351,7 @@ struct Judged {
 /// The errors of each light, in the fit and predicted from the other lights' functions: what the planes don't
 /// explain of its picture, and what the interpolation gets wrong of its functions.
 fn judge(
-    interpolation: &Interpolation,
+    continuation: &Continuation<'_>,
     sample: &ChannelSample,
     covariance: &[f64],
     components: &Components,
@@ -348,8 +401,8 @@ fn judge(
     };
     let of_light = |light: usize| {
         let rest: f64 = (0..channels).map(|c| unexplained(light * channels + c)).sum();
-        let residual = interpolation.left_out(light);
-        let freedom = interpolation.freedom(light);
+        let residual = continuation.left_out(light);
+        let freedom = continuation.freedom(light);
         let left_out = applied(&residual);
         let error = |delta: &[f64]| (0..channels).map(|c| mean_error(delta, c)).sum::<f64>();
         let of_left_out = error(&left_out);
@@ -367,28 +420,26 @@ fn judge(
 
 /// The smallest table that errs by no more than `allowed` (root mean square of relit samples), or the largest.
 fn table_of(
-    interpolation: &Interpolation,
+    continuation: &Continuation<'_>,
     at_lights: &[f64],
     plane_covariance: &[f64],
     channels: usize,
     allowed: f64,
 ) -> (Octahedral, Vec<f32>) {
-    let reach = interpolation.reach();
-    let functions = at_lights.len() / interpolation.lights();
+    let functions = at_lights.len() / continuation.lights();
     let planes = functions / channels - 1;
     let at = |direction: Direction| -> Vec<f64> {
         let mut out = vec![0.0; functions];
-        for (factor, row) in interpolation.row(direction).iter().zip(at_lights.chunks_exact(functions)) {
+        for (factor, row) in continuation.row(direction).iter().zip(at_lights.chunks_exact(functions)) {
             out.iter_mut().zip(row).for_each(|(sum, value)| *sum += factor * value);
         }
         out
     };
-    let covered = Cap { axis: reach.axis, radius: interpolation.covered() };
-    let judges: Vec<(Direction, Vec<f64>)> = fibonacci_in(covered, DIRECTIONS)
+    let judges: Vec<(Direction, Vec<f64>)> = fibonacci_in(continuation.covered(), DIRECTIONS)
         .into_par_iter()
         .map(|direction| (direction, at(direction)))
         .collect();
-    let hemisphere = interpolation.above_horizon();
+    let hemisphere = continuation.above_horizon();
     let mut made = None;
     for nodes in NODES {
         let square = Octahedral { nodes, hemisphere };

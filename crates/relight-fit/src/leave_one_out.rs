@@ -55,6 +55,14 @@ impl LeaveOneOut {
         (sum / errors.len().max(1) as f64).sqrt()
     }
 
+    /// Mean over lights of the PSNR of predicting each from the others, in dB of a range of 1; lights that
+    /// nothing predicts don't count, and 120 dB is the most.
+    pub fn left_out_psnr(&self) -> f64 {
+        let finite: Vec<f64> = self.left_out.iter().copied().filter(|rmse| rmse.is_finite()).collect();
+        let psnr = |rmse: &f64| -20.0 * libm::log10(rmse.max(1e-6));
+        finite.iter().map(psnr).sum::<f64>() / finite.len().max(1) as f64
+    }
+
     /// Root mean square error predicted for lights that were not fitted: the fit's own error over
     /// the lights' mean freedom, 1 - mean leverage; infinite when no freedom is left.
     ///

@@ -3,6 +3,7 @@
 //! One small matrix, found once by singular values in f64, turns the values of a pixel under all
 //! lights into its coefficients; the pictures are rebinned tile by tile so that each is read once.
 
+mod continuation;
 mod decomposition;
 mod error;
 mod interpolation;

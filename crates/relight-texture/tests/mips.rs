@@ -138,7 +138,7 @@ fn mips_of_the_coefficients_relit_are_mips_of_the_relit_picture() {
     let hemisphere = fibonacci_in(Cap { axis: Direction::OUT, radius: 1.5 }, 60);
     let set = LightSet::from_directions(hemisphere.clone());
     let mut seen = 0;
-    for family in &FAMILIES {
+    for family in FAMILIES.iter().filter(|family| !family.learned) {
         for count in family.counts_up_to(25) {
             let basis = family.build(&Design::new(count, &set)).unwrap();
             for layout in [Layout::Grey, Layout::Rgb] {

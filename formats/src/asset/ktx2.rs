@@ -47,7 +47,7 @@ pub(super) fn known_formats() -> String {
 pub(super) type Level = LevelIndex;
 
 /// Everything before the texels: header, level index, data format descriptor and keys, `text` among
-/// them. With `compressed`, the levels are Zstandard and lie as it says; otherwise they lie one
+/// them where there is one. With `compressed`, the levels are Zstandard and lie as it says; otherwise they lie one
 /// after another, the smallest first, as [`places`] says.
 ///
 /// # Errors
@@ -55,7 +55,7 @@ pub(super) type Level = LevelIndex;
 pub(super) fn head(
     path: &Path,
     shape: &Shape,
-    text: &str,
+    text: Option<&str>,
     compressed: Option<&[Level]>,
 ) -> Result<Vec<u8>, FormatError> {
     let count = |value: usize, name: &str| {
@@ -74,11 +74,13 @@ pub(super) fn head(
     let (descriptor, type_size) = ktx2::dfd::Basic::from_format(format).map_err(|e| invalid(&e))?;
     let descriptor = ktx2::dfd::Block::Basic(descriptor).to_vec();
     let descriptor_length = 4 + descriptor.len() as u32;
-    let keys = key_values(&[
-        ("KTXorientation", "rd"),
-        ("KTXwriter", concat!("relight ", env!("CARGO_PKG_VERSION"))),
+    let pairs = [
+        ("KTXorientation", Some("rd")),
+        ("KTXwriter", Some(concat!("relight ", env!("CARGO_PKG_VERSION")))),
         (document::KEY, text),
-    ]);
+    ];
+    let keys =
+        key_values(&pairs.into_iter().filter_map(|(key, value)| Some((key, value?))).collect::<Vec<_>>());
     let descriptor_offset = (Header::LENGTH + shape.levels * LevelIndex::LENGTH) as u32;
     let keys_offset = descriptor_offset + descriptor_length;
     let header = Header {

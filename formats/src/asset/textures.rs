@@ -187,7 +187,7 @@ pub(super) fn create(
             (Container::Ktx2, _) => document::part_text_of(path, &names[0], index, text.id)?,
         };
         let head = match container {
-            Container::Ktx2 => ktx2::head(path, &shape, &text_of_file, None)?,
+            Container::Ktx2 => ktx2::head(path, &shape, Some(&text_of_file), None)?,
             Container::Dds => dds::head(path, &shape, index, text.id)?,
         };
         let file = OutputFile::create(path)?;

@@ -29,7 +29,7 @@ pub(super) fn compress(
     let unknown = ktx2::Level { byte_offset: 0, byte_length: 0, uncompressed_byte_length: 0 };
     let mut index = vec![unknown; shape.levels];
     // Its length does not depend on the lengths of levels.
-    let mut at = ktx2::head(file.path(), shape, text, Some(&index))?.len() as u64;
+    let mut at = ktx2::head(file.path(), shape, Some(text), Some(&index))?.len() as u64;
     for level in (0..shape.levels).rev() {
         let bytes = shape.level_bytes(level);
         let target = Appending { file: file.file(), at };
@@ -49,7 +49,7 @@ pub(super) fn compress(
             ktx2::Level { byte_offset: at, byte_length: end - at, uncompressed_byte_length: bytes };
         at = end;
     }
-    file.write_at(0, &ktx2::head(file.path(), shape, text, Some(&index))?)
+    file.write_at(0, &ktx2::head(file.path(), shape, Some(text), Some(&index))?)
 }
 
 /// The end of a file that is also written at other places.

@@ -199,7 +199,7 @@ fn harmonics_of_order_10_under_150_lights_with_both_poles() {
 
 #[test]
 fn fewer_lights_than_functions_in_every_family() {
-    for family in &FAMILIES {
+    for family in FAMILIES.iter().filter(|family| !family.learned) {
         for count in family.counts_up_to(36).into_iter().filter(|&count| count > 1) {
             let lights = dome(count.div_ceil(2));
             let (basis, pictures) = (basis_of(family.name, count, &lights), any_pictures(lights.len()));
@@ -218,7 +218,7 @@ fn fewer_lights_than_functions_in_every_family() {
 
 #[test]
 fn one_light() {
-    for family in &FAMILIES {
+    for family in FAMILIES.iter().filter(|family| !family.learned) {
         for light in [Direction::OUT, direction(0.3, -0.2, 0.9), direction(1.0, 0.0, 0.0)] {
             let count = family.counts_up_to(36)[0];
             let (basis, pictures) = (basis_of(family.name, count, &[light]), any_pictures(1));

@@ -7,6 +7,7 @@
 mod determinism;
 mod hard_lights;
 mod hard_pictures;
+mod learned;
 mod leave_one_out;
 mod pictures;
 mod recovery;

@@ -119,7 +119,8 @@ pub(crate) fn weights_of(basis: &Basis, light: Direction) -> Vec<f64> {
 /// Channel `channel` of pixel `pixel` of `map` under `light`, by the definition of its planes' roles.
 pub(crate) fn relit(map: &CoefficientMap, light: Direction, pixel: usize, channel: usize) -> f64 {
     let weights = weights_of(&map.model.basis, light);
-    let (mut sum, mut base) = (0.0, 1.0);
+    let mean = map.model.mean_functions()[channel];
+    let (mut sum, mut base) = (mean.map_or(0.0, |f| weights[usize::from(f)]), 1.0);
     for (role, plane) in map.model.roles().into_iter().zip(&map.planes) {
         let value = f64::from(plane[pixel]);
         match role {

@@ -17,8 +17,10 @@ const LAYOUTS: [Layout; 3] = [Layout::Grey, Layout::Rgb, Layout::Lrgb];
 fn every_basis(lights: usize) -> Vec<(Basis, Vec<Direction>)> {
     let sets = [dome(lights), sphere::fibonacci(lights)];
     let of = |directions: &Vec<Direction>| {
-        let counts =
-            FAMILIES.iter().flat_map(|family| family.counts_up_to(36).into_iter().map(|c| (family.name, c)));
+        let counts = FAMILIES
+            .iter()
+            .filter(|family| !family.learned)
+            .flat_map(|family| family.counts_up_to(36).into_iter().map(|c| (family.name, c)));
         counts
             .map(|(name, count)| (basis_of(name, count, directions), directions.clone()))
             .collect::<Vec<_>>()

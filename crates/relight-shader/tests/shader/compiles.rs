@@ -1,7 +1,7 @@
 //! Every include is accepted by a compiler of its language: naga for WGSL, Khronos's glslang (Debian's
 //! glslang-tools) for GLSL and, by its HLSL front end, for HLSL.
 
-use crate::lopsided::{LAYOUTS, bases, model, packings};
+use crate::lopsided::{bases, layouts_of, model, packings};
 use relight_core::Model;
 use relight_shader::{Language, ShaderOptions, shader};
 use relight_texture::Packing;
@@ -12,7 +12,7 @@ use std::process::Command;
 fn sources(counts: &[usize], language: Language) -> Vec<(String, Model, Packing, Option<usize>)> {
     let mut all = Vec::new();
     for basis in bases(counts) {
-        for layout in LAYOUTS {
+        for &layout in layouts_of(&basis) {
             let model = model(&basis, layout);
             for packing in packings(&model) {
                 let maps_per_pass = if all.len().is_multiple_of(2) { Some(all.len() % 5) } else { None };
@@ -38,6 +38,14 @@ fn validated(source: &str) -> naga::Module {
     module
 }
 
+/// The constant that counts the weights, and the texture of learned functions as a further argument.
+fn words_of(model: &Model) -> (&'static str, &'static str) {
+    match model.layout {
+        relight_core::Layout::Shared => ("RELIGHT_WEIGHTS", ", functions"),
+        _ => ("RELIGHT_LAYERS", ""),
+    }
+}
+
 /// `maps_0, maps_1`.
 fn arguments(packing: &Packing) -> String {
     (0..packing.arrays.len()).map(|array| format!("maps_{array}")).collect::<Vec<_>>().join(", ")
@@ -47,6 +55,10 @@ fn arguments(packing: &Packing) -> String {
 fn naga_accepts_wgsl() {
     for (mut source, model, packing, maps_per_pass) in sources(&COUNTS, Language::Wgsl) {
         let maps = arguments(&packing);
+        let (count, table) = words_of(&model);
+        if !table.is_empty() {
+            source += "@group(1) @binding(2) var functions: texture_2d_array<f32>;\n";
+        }
         for array in 0..packing.arrays.len() {
             writeln!(source, "@group(0) @binding({array}) var maps_{array}: texture_2d_array<f32>;").unwrap();
         }
@@ -63,10 +75,10 @@ fn naga_accepts_wgsl() {
         write!(
             source,
             "@group(1) @binding(0) var linear: sampler;
-            @group(1) @binding(1) var<uniform> uniform_weights: array<vec4f, RELIGHT_LAYERS>;
+            @group(1) @binding(1) var<uniform> uniform_weights: array<vec4f, {count}>;
             @fragment fn main(@builtin(position) at: vec4f) -> @location(0) vec4f {{
                 let light = relight_point_light(at.xyz, vec3f(1.0, 2.0, 3.0), 0.1);
-                let weights = relight_weights(light.xyz);
+                let weights = relight_weights(light.xyz{table});
                 var color = relight_shade(weights, {maps}, vec2i(at.xy), 0);
                 color += relight_sample(uniform_weights, {maps}, linear, at.xy);
                 color += relight_sample_level(weights, {maps}, linear, at.xy, 0.5);
@@ -125,6 +137,8 @@ fn glslang_accepts_glsl_of_es_and_of_the_desktop() {
     for version in ["300 es", "330", "450"] {
         let whole = |(source, model, packing, maps_per_pass): &(String, Model, Packing, Option<usize>)| {
             let maps = arguments(packing);
+            let (count, table) = words_of(model);
+            let learned = if table.is_empty() { "" } else { "uniform sampler2DArray functions;\n" };
             let textures = (0..packing.arrays.len())
                 .map(|array| format!("uniform sampler2DArray maps_{array};\n"))
                 .collect::<String>();
@@ -137,14 +151,14 @@ fn glslang_accepts_glsl_of_es_and_of_the_desktop() {
                 }
             });
             format!(
-                "#version {version}\n{source}\n{textures}
-                uniform vec4 uniform_weights[RELIGHT_LAYERS];
+                "#version {version}\n{source}\n{textures}{learned}
+                uniform vec4 uniform_weights[{count}];
                 in vec2 at;
                 out vec4 target;
                 void main() {{
                     vec4 light = relight_point_light(vec3(at, 0.0), vec3(1.0, 2.0, 3.0), 0.1);
-                    vec4 weights[RELIGHT_LAYERS];
-                    relight_weights(light.xyz, weights);
+                    vec4 weights[{count}];
+                    relight_weights(light.xyz{table}, weights);
                     vec3 color = relight_shade(weights, {maps}, ivec2(at), 0);
                     color += relight_sample(uniform_weights, {maps}, at);
                     color += relight_sample_level(weights, {maps}, at, 0.5);
@@ -165,6 +179,9 @@ fn glslang_accepts_hlsl() {
     }
     let whole = |(source, model, packing, maps_per_pass): (String, Model, Packing, Option<usize>)| {
         let maps = arguments(&packing);
+        let (count, table) = words_of(&model);
+        let learned =
+            if table.is_empty() { "" } else { "Texture2DArray<float4> functions : register(t9);\n" };
         let textures = (0..packing.arrays.len())
             .map(|array| format!("Texture2DArray<float4> maps_{array} : register(t{array});\n"))
             .collect::<String>();
@@ -177,13 +194,13 @@ fn glslang_accepts_hlsl() {
             }
         });
         format!(
-            "{source}\n{textures}
+            "{source}\n{textures}{learned}
             SamplerState linear_sampler : register(s0);
-            cbuffer Light : register(b0) {{ float4 uniform_weights[RELIGHT_LAYERS]; }};
+            cbuffer Light : register(b0) {{ float4 uniform_weights[{count}]; }};
             float4 main(float4 at : SV_Position) : SV_Target {{
                 float4 light = relight_point_light(at.xyz, float3(1.0, 2.0, 3.0), 0.1);
-                float4 weights[RELIGHT_LAYERS];
-                relight_weights(light.xyz, weights);
+                float4 weights[{count}];
+                relight_weights(light.xyz{table}, weights);
                 float3 color = relight_shade(weights, {maps}, int2(at.xy), 0);
                 color += relight_sample(uniform_weights, {maps}, linear_sampler, at.xy);
                 color += relight_sample_level(weights, {maps}, linear_sampler, at.xy, 0.5);

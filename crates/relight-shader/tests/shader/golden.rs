@@ -2,8 +2,8 @@
 //!
 //! RELIGHT_UPDATE_GOLDEN=1 writes the files anew: look at what changed before it is committed.
 
-use crate::lopsided::{bases, layers_of, model};
-use relight_core::Layout;
+use crate::lopsided::{bases, layers_of, learned, model};
+use relight_core::{Layout, Model};
 use relight_shader::{Language, ShaderOptions, shader};
 use relight_texture::{ArrayPlan, BlockFormat, Packing, TexelFormat, Wrap};
 use std::path::Path;
@@ -17,12 +17,20 @@ fn text_is_what_it_was() {
         array(BlockFormat::Bc5, vec![vec![0, 1], vec![2, 3]]),
         array(BlockFormat::Bc7, vec![vec![4, 5, 6]]),
     ];
-    let packing = Packing { arrays, levels: 5, wrap: Wrap::Repeat };
+    check("srbf4_lrgb", &model, &Packing { arrays, levels: 5, wrap: Wrap::Repeat });
+
+    let model = crate::lopsided::model(&learned(5, 3, false), Layout::Shared);
+    let arrays =
+        vec![array(BlockFormat::Bc7, vec![vec![0, 1, 2]]), array(BlockFormat::Bc5, vec![vec![3, 4]])];
+    check("pca5_shared", &model, &Packing { arrays, levels: 1, wrap: Wrap::Clamp });
+}
+
+fn check(asset: &str, model: &Model, packing: &Packing) {
     for language in Language::all() {
         for maps_per_pass in [None, Some(1)] {
-            let text = shader(&model, &packing, 20, 12, &ShaderOptions { language, maps_per_pass });
+            let text = shader(model, packing, 20, 12, &ShaderOptions { language, maps_per_pass });
             let suffix = if maps_per_pass.is_some() { "_passes" } else { "" };
-            let name = format!("tests/golden/srbf4_lrgb{suffix}.{}", language.name());
+            let name = format!("tests/golden/{asset}{suffix}.{}", language.name());
             let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
             if std::env::var("RELIGHT_UPDATE_GOLDEN").is_ok_and(|value| value == "1") {
                 std::fs::write(&path, &text).unwrap();

@@ -1,12 +1,39 @@
 //! Assets with a scale and a bias of its own for every plane, in every packing.
 
-use relight_core::basis::{FAMILIES, Kernel, PointSet, SrbfDesign};
+use relight_core::basis::{FAMILIES, Kernel, Learned, PointSet, SrbfDesign};
+use relight_core::sphere::Octahedral;
 use relight_core::{Basis, Design, Direction, Layout, LightSet, Model, Space};
 use relight_texture::{
-    ArrayPlan, BlockFormat, LayerPlan, Packing, Precision, Quantizer, TexelFormat, Wrap, planes_of_layers,
+    ArrayPlan, BlockFormat, LayerPlan, Packing, Precision, Quantizer, TexelFormat, Wrap, function_texels,
+    planes_of_layers,
 };
 
-pub(crate) const LAYOUTS: [Layout; 3] = [Layout::Grey, Layout::Rgb, Layout::Lrgb];
+/// The layouts that `basis` has.
+pub(crate) fn layouts_of(basis: &Basis) -> &'static [Layout] {
+    match basis {
+        Basis::Learned(_) => &[Layout::Shared],
+        _ => &[Layout::Grey, Layout::Rgb, Layout::Lrgb],
+    }
+}
+
+/// Learned functions of `planes` planes, a value of its own in every place of the table.
+pub(crate) fn learned(planes: usize, channels: usize, hemisphere: bool) -> Basis {
+    let square = Octahedral { nodes: 7, hemisphere };
+    let count = square.count() * channels * (planes + 1);
+    let table = (0..count).map(|i| ((i * 37) % 101) as f32 / 50.5 - 1.0).collect();
+    Basis::Learned(Learned::new("pca".to_owned(), planes, channels, square, table).unwrap())
+}
+
+/// The table of learned functions as texels of an array texture: nodes along an edge, and texels layer by layer.
+pub(crate) fn table_of(basis: &Basis) -> Option<(usize, Vec<[f32; 4]>)> {
+    match basis {
+        Basis::Learned(learned) => {
+            let texels = function_texels(learned).into_iter().map(|texel| texel.map(f32::from)).collect();
+            Some((learned.square().nodes, texels))
+        }
+        _ => None,
+    }
+}
 
 /// Every plain and block format.
 pub(crate) fn formats() -> Vec<TexelFormat> {
@@ -26,7 +53,7 @@ fn lights() -> LightSet {
 pub(crate) fn bases(counts: &[usize]) -> Vec<Basis> {
     let lights = lights();
     let mut all = Vec::new();
-    for family in &FAMILIES {
+    for family in FAMILIES.iter().filter(|family| !family.learned) {
         for &count in counts.iter().filter(|&&count| family.counts.contains(count)) {
             all.push(family.build(&Design::new(count, &lights)).unwrap());
             if family.name == "srbf" {
@@ -36,6 +63,10 @@ pub(crate) fn bases(counts: &[usize]) -> Vec<Basis> {
                 all.push(family.build(&Design { count, lights: &lights, srbf }).unwrap());
             }
         }
+    }
+    if counts.contains(&6) {
+        // Seven functions, eighteen and eighteen: whole texels of four, and a rest.
+        all.extend([learned(6, 1, true), learned(5, 3, true), learned(5, 3, false)]);
     }
     all
 }
@@ -74,7 +105,7 @@ pub(crate) fn mixed(model: &Model) -> Packing {
     let block = TexelFormat::Block;
     let formats = [BlockFormat::Bc7, BlockFormat::Bc5, BlockFormat::Bc4Signed].map(block);
     let planes = 0..model.plane_count();
-    let luminance = if model.layout == Layout::Lrgb { model.basis.count() } else { planes.end };
+    let luminance = if model.layout == Layout::Lrgb { model.maps() } else { planes.end };
     let mut arrays: Vec<Vec<Vec<usize>>> = vec![Vec::new(); 3];
     if luminance < planes.end {
         arrays[2].push(vec![luminance + 2]);

@@ -3,12 +3,12 @@
 //! Without an adapter these tests say that they skip; RELIGHT_REQUIRE_GPU=1 makes that a failure.
 
 use crate::gpu::{Gpu, Texture};
-use crate::lopsided::{LAYOUTS, bases, model, packed, packings, quantizer};
+use crate::lopsided::{bases, layouts_of, learned, model, packed, packings, quantizer, table_of};
 use relight_core::basis::{Kernel, Srbf};
 use relight_core::maps::{RelightingMap, RelightingMaps, Texels};
 use relight_core::relighter::relight;
 use relight_core::{Basis, CpuLevel, Direction, Layout, Model, Space, linear_from_srgb, srgb_from_linear};
-use relight_shader::{Language, ShaderOptions, layer_weights, shader};
+use relight_shader::{Language, ShaderOptions, layer_weights, shader, weight_count};
 use relight_texture::{BlockFormat, LayerPlan, Packing, Quantizer, TexelFormat};
 
 const WGSL: ShaderOptions = ShaderOptions { language: Language::Wgsl, maps_per_pass: None };
@@ -58,34 +58,55 @@ fn hard_lights(basis: &Basis) -> Vec<([f32; 3], Direction)> {
     lights
 }
 
+/// The declaration of the texture of learned functions at a binding, and the argument that it is.
+fn declared_table(model: &Model, binding: usize) -> (String, &'static str) {
+    match model.layout {
+        Layout::Shared => {
+            let text = format!("@group(0) @binding({binding}) var functions: texture_2d_array<f32>;");
+            (text, ", functions")
+        }
+        _ => (String::new(), ""),
+    }
+}
+
+fn texture_of((nodes, texels): (usize, Vec<[f32; 4]>)) -> Texture {
+    Texture { width: nodes, height: nodes, levels: vec![texels] }
+}
+
 /// `relight_basis` and `relight_layer_weights` of it at each light: functions, then four a layer.
 fn weights_on(gpu: &Gpu, model: &Model, packing: &Packing, lights: &[[f32; 3]]) -> Vec<Vec<f32>> {
     let source = shader(model, packing, 1, 1, &WGSL);
+    let (count, count_name) = weight_count(model, packing);
+    let table = table_of(&model.basis);
+    let (declared, argument) = declared_table(model, 2);
     let source = format!(
         "{source}
+        {declared}
         @group(0) @binding(0) var<storage, read> input: array<vec4f>;
         @group(0) @binding(1) var<storage, read_write> output: array<f32>;
         @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {{
             if (id.x >= arrayLength(&input)) {{ return; }}
-            var basis = relight_basis(input[id.x].xyz);
+            var basis = relight_basis(input[id.x].xyz{argument});
             var weights = relight_layer_weights(basis);
-            var at = i32(id.x) * (RELIGHT_FUNCTIONS + 4 * RELIGHT_LAYERS);
+            var at = i32(id.x) * (RELIGHT_FUNCTIONS + 4 * {count_name});
             for (var i = 0; i < RELIGHT_FUNCTIONS; i++) {{ output[at] = basis[i]; at++; }}
-            for (var i = 0; i < RELIGHT_LAYERS; i++) {{
+            for (var i = 0; i < {count_name}; i++) {{
                 for (var c = 0; c < 4; c++) {{ output[at] = weights[i][c]; at++; }}
             }}
         }}"
     );
     let input: Vec<[f32; 4]> = lights.iter().map(|&[x, y, z]| [x, y, z, 0.0]).collect();
-    let each = model.basis.count() + 4 * packing.layers();
-    let output = gpu.compute(&source, &input, &[], lights.len() * each, lights.len().div_ceil(64));
+    let each = model.basis.count() + 4 * count;
+    let textures: Vec<Texture> = table.into_iter().map(texture_of).collect();
+    let output = gpu.compute(&source, &input, &textures, lights.len() * each, lights.len().div_ceil(64));
     output.chunks(each).map(<[f32]>::to_vec).collect()
 }
 
 /// The largest difference between `relight_basis` and the reference, relative where they exceed 1, and
 /// where it is.
 fn worst_error(gpu: &Gpu, basis: &Basis, lights: &[([f32; 3], Direction)]) -> (f64, String) {
-    let model = model(basis, Layout::Rgb);
+    let layout = *layouts_of(basis).iter().find(|layout| **layout != Layout::Grey).unwrap();
+    let model = model(basis, layout);
     let packing = packed(&model, TexelFormat::Block(BlockFormat::Bc3));
     let floats: Vec<[f32; 3]> = lights.iter().map(|light| light.0).collect();
     let mut worst = (0.0f64, String::new());
@@ -179,26 +200,29 @@ fn textures(packing: &Packing, texels: &[Vec<Vec<f32>>], width: usize, height: u
 /// What `expression` makes of each texel of `level`, whose column and row are in `texel`.
 fn shaded(
     gpu: &Gpu,
-    (source, packing, textures): (&str, &Packing, &[Texture]),
+    (source, model, textures): (&str, &Model, &[Texture]),
     light: [f32; 3],
     (width, height, level): (usize, usize, usize),
     expression: &str,
 ) -> Vec<f32> {
     let mut source = source.to_owned();
-    let arrays = packing.arrays.len();
+    let learned = usize::from(model.layout == Layout::Shared);
+    let arrays = textures.len() - learned;
+    let (declared, argument) = declared_table(model, arrays + 2);
+    source += &declared;
     for array in 0..arrays {
         let binding = array + 2;
         source += &format!("@group(0) @binding({binding}) var maps_{array}: texture_2d_array<f32>;\n");
     }
     let maps = (0..arrays).map(|array| format!("maps_{array}")).collect::<Vec<_>>().join(", ");
     let expression = expression.replace("MAPS", &maps);
-    let binding = arrays + 2;
+    let binding = textures.len() + 2;
     source += &format!(
         "@group(0) @binding({binding}) var nearest: sampler;
         @group(0) @binding(0) var<storage, read> input: array<vec4f>;
         @group(0) @binding(1) var<storage, read_write> output: array<f32>;
         @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {{
-            let weights = relight_weights(input[0].xyz);
+            let weights = relight_weights(input[0].xyz{argument});
             let texel = vec2i(i32(id.x) % {width}, i32(id.x) / {width});
             if (texel.y >= {height}) {{ return; }}
             let uv = (vec2f(texel) + 0.5) / vec2f({width}.0, {height}.0);
@@ -218,12 +242,15 @@ fn shaded_texels_are_the_reference_s_to_1e_5_in_every_packing_by_texel_sampler_a
     let (width, height) = (13, 7);
     let mut worst = 0.0f32;
     // Five functions leave a remainder in every format.
-    for basis in [bases(&[10]).swap_remove(0), bases(&[5]).swap_remove(0)] {
-        for layout in LAYOUTS {
+    let learned =
+        [(6, 1, true), (5, 3, true), (4, 3, false)].map(|(k, channels, half)| learned(k, channels, half));
+    for basis in [bases(&[10]).swap_remove(0), bases(&[5]).swap_remove(0)].into_iter().chain(learned) {
+        for &layout in layouts_of(&basis) {
             let model = model(&basis, layout);
             for packing in packings(&model) {
                 let q = texels(&model, width, height, packing.levels);
-                let textures = textures(&packing, &q, width, height);
+                let mut textures = textures(&packing, &q, width, height);
+                textures.extend(table_of(&basis).map(texture_of));
                 let options = ShaderOptions { maps_per_pass: Some(2), ..WGSL };
                 let source = shader(&model, &packing, width, height, &options);
                 let (float, light) = direction(0.3, -0.5, 0.6);
@@ -252,7 +279,7 @@ fn shaded_texels_are_the_reference_s_to_1e_5_in_every_packing_by_texel_sampler_a
                     ),
                 ] {
                     let size = (width, height, level);
-                    let got = shaded(&gpu, (&source, &packing, &textures), float, size, &expression);
+                    let got = shaded(&gpu, (&source, &model, &textures), float, size, &expression);
                     for (i, got) in got.iter().enumerate() {
                         let expected = expected.samples[i / 3 * expected.channels + i % expected.channels];
                         let error = (got - expected).abs() / expected.abs().max(1.0);
