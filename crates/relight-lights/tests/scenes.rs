@@ -3,11 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
 use half::f16;
+use relight_core::basis::Learned;
 use relight_core::relighter::Picture;
-use relight_core::sphere::{Cap, fibonacci_in};
+use relight_core::sphere::{Cap, Octahedral, fibonacci_in};
 use relight_core::{
-    CpuLevel, Design, Direction, Family, Layout, LightSet, Model, NO_SURFACE, PositionMap, RelightingMap,
-    RelightingMaps, SKY, Space, Texels, linear_from_srgb,
+    Basis, CpuLevel, Design, Direction, Family, Layout, LightSet, Model, NO_SURFACE, PositionMap,
+    RelightingMap, RelightingMaps, SKY, Space, Texels, linear_from_srgb,
 };
 use relight_lights::{
     Accuracy, Attenuation, Environment, Gobo, Horizon, HorizonRule, Lamp, Light, Plan, Report, Scene,
@@ -27,11 +28,23 @@ fn random(seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
+/// Learned functions of `planes` planes: of colour over the sphere, or grey over the upper half.
+fn learned(family: &str, planes: usize) -> Basis {
+    let grey = family == "grey pca";
+    let (channels, square) = (if grey { 1 } else { 3 }, Octahedral { nodes: 9, hemisphere: grey });
+    let mut next = random(planes as u64);
+    let table = (0..square.count() * channels * (planes + 1)).map(|_| (next() - 0.5) as f32).collect();
+    Basis::Learned(Learned::new(family.to_owned(), planes, channels, square, table).unwrap())
+}
+
 /// An asset with a value of its own in every plane and pixel.
 fn asset(family: &str, count: usize, layout: Layout, space: Space, precision: usize) -> RelightingMaps {
     let lights = fibonacci_in(Cap { axis: Direction::OUT, radius: PI }, 60);
     let set = LightSet::from_directions(lights.clone());
-    let basis = Family::by_name(family).unwrap().build(&Design::new(count, &set)).unwrap();
+    let basis = match layout {
+        Layout::Shared => learned(family, count),
+        _ => Family::by_name(family).unwrap().build(&Design::new(count, &set)).unwrap(),
+    };
     let model = Model { basis, layout, space, lights, figures: None };
     let mut next = random(count as u64 + precision as u64);
     let planes = (0..model.plane_count())
@@ -230,6 +243,16 @@ fn every_light_is_the_reference_within_1e_5_in_every_layout_space_and_precision(
             let what = format!("{family} {layout:?} {space:?} {precision}");
             assert_near(&drawn(&maps, &scene, settings()).0, &reference(&maps, &scene), 1e-5, &what);
         }
+    }
+    for (family, count, space, precision) in [
+        ("pca", 9, Space::Encoded, 0),
+        ("pca", 5, Space::Linear, 1),
+        ("grey pca", 4, Space::Encoded, 2),
+        ("grey pca", 6, Space::Linear, 0),
+    ] {
+        let maps = asset(family, count, Layout::Shared, space, precision);
+        let what = format!("{family} {count} {space:?} {precision}");
+        assert_near(&drawn(&maps, &scene, settings()).0, &reference(&maps, &scene), 1e-5, &what);
     }
 }
 

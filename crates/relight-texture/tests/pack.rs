@@ -4,8 +4,9 @@
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
 use half::f16;
-use relight_core::sphere::{Cap, fibonacci_in};
-use relight_core::{CoefficientSpan, Design, Direction, Family, Layout, LightSet, Model, Space};
+use relight_core::basis::Learned;
+use relight_core::sphere::{Cap, Octahedral, fibonacci_in};
+use relight_core::{Basis, CoefficientSpan, Design, Direction, Family, Layout, LightSet, Model, Space};
 use relight_texture::{
     ArrayPlan, BlockFormat, Coding, LayerPlan, PackReport, Packer, Packing, Precision, Quantizer,
     TexelDomain, TexelFormat, TexelPlace, Wrap, decode_blocks, encode_blocks, full_levels, level_size,
@@ -18,8 +19,18 @@ use std::sync::Mutex;
 /// A model whose functions hardly overlap over its lights: planes have little to make good.
 fn model(layout: Layout, count: usize) -> Model {
     let lights = fibonacci_in(Cap { axis: Direction::OUT, radius: PI }, 400);
-    let basis = Family::by_name("sh").unwrap().build(&Design::new(count, &LightSet::default())).unwrap();
+    let basis = match layout {
+        Layout::Shared => Basis::Learned(learned(count)),
+        _ => Family::by_name("sh").unwrap().build(&Design::new(count, &LightSet::default())).unwrap(),
+    };
     Model { basis, layout, space: Space::Encoded, lights, figures: None }
+}
+
+/// Functions of `planes` planes that hardly overlap either.
+fn learned(planes: usize) -> Learned {
+    let square = Octahedral { nodes: 16, hemisphere: false };
+    let table = (0..square.count() * 3 * (planes + 1)).map(|i| ((i * 7919) % 1009) as f32 / 504.5 - 1.0);
+    Learned::new("pca".to_owned(), planes, 3, square, table.collect()).unwrap()
 }
 
 /// A smooth plane of a range of its own.
@@ -56,7 +67,7 @@ impl Picture {
         let interleaved = |planes: &[Vec<f64>]| -> Vec<f32> {
             (first..end).flat_map(|i| planes.iter().map(move |plane| plane[i] as f32)).collect()
         };
-        let (functions, base) = self.planes.split_at(self.model.basis.count() * stride);
+        let (functions, base) = self.planes.split_at(self.model.maps() * stride);
         let functions = functions.chunks(stride).flat_map(interleaved).collect();
         (functions, if base.is_empty() { Vec::new() } else { interleaved(base) })
     }
@@ -235,7 +246,7 @@ fn formats() -> Vec<TexelFormat> {
 
 #[test]
 fn every_plane_of_every_format_is_found_again_at_every_level() {
-    for layout in [Layout::Rgb, Layout::Lrgb, Layout::Grey] {
+    for layout in [Layout::Rgb, Layout::Lrgb, Layout::Grey, Layout::Shared] {
         for format in formats() {
             for size in [(13, 22), (1, 1), (3, 5), (257, 1)] {
                 let picture = Picture::new(size, model(layout, 4));

@@ -16,7 +16,7 @@ fn numbers(list: &serde_json::Value) -> Vec<f32> {
 fn another_reader_finds_layers_and_evaluates_a_pixel_from_the_key() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ktx2");
-    for (layout, layers) in [(Layout::Rgb, 6), (Layout::Lrgb, 3), (Layout::Grey, 6)] {
+    for (layout, layers) in [(Layout::Rgb, 6), (Layout::Lrgb, 3), (Layout::Grey, 6), (Layout::Shared, 2)] {
         let asset = lopsided("ptm", 6, layout, (7, 4));
         asset.write_plain(&path, Precision::U8).unwrap();
         let reader = ktx2::Reader::new(fs::read(&path).unwrap()).unwrap();

@@ -1,7 +1,10 @@
 //! Assets with a value of their own in every plane and pixel, and ways to write them.
 
+use relight_core::basis::Learned;
+use relight_core::sphere::Octahedral;
 use relight_core::{
-    CoefficientRange, CoefficientSpan, Design, Direction, Family, FitFigures, Layout, LightSet, Model, Space,
+    Basis, CoefficientRange, CoefficientSpan, Design, Direction, Family, FitFigures, Layout, LightSet, Model,
+    Space,
 };
 use relight_formats::asset::{AssetFormat, AssetHeader, AssetWriter, WriteSettings};
 use relight_formats::{FormatError, write_whole};
@@ -13,7 +16,7 @@ use std::path::Path;
 use std::sync::Mutex;
 
 pub(crate) const LIMIT: u64 = 64 << 20;
-pub(crate) const LAYOUTS: [Layout; 3] = [Layout::Rgb, Layout::Lrgb, Layout::Grey];
+pub(crate) const LAYOUTS: [Layout; 4] = [Layout::Rgb, Layout::Lrgb, Layout::Grey, Layout::Shared];
 pub(crate) const PRECISIONS: [Precision; 3] = [Precision::U8, Precision::F16, Precision::F32];
 pub(crate) const PLAIN: WriteSettings = WriteSettings {
     coding: Coding {
@@ -52,7 +55,10 @@ pub(crate) fn lopsided(family: &str, count: usize, layout: Layout, size: (usize,
     let (width, height) = size;
     let light = |i: usize| Direction::new(i as f64 - 20.3, 7.1 - 0.37 * i as f64, 9.0 + i as f64).unwrap();
     let lights = LightSet::from_directions((0..41).map(light).collect());
-    let basis = Family::by_name(family).unwrap().build(&Design::new(count, &lights)).unwrap();
+    let basis = match layout {
+        Layout::Shared => Basis::Learned(learned(family, count)),
+        _ => Family::by_name(family).unwrap().build(&Design::new(count, &lights)).unwrap(),
+    };
     let figures = Some(FitFigures { fit_rmse: 0.012_345_678_9, leave_one_out_rmse: 0.1 / 3.0 });
     let model = Model { basis, layout, space: Space::Encoded, lights: lights.directions(), figures };
     let pixels = width * height;
@@ -63,6 +69,13 @@ pub(crate) fn lopsided(family: &str, count: usize, layout: Layout, size: (usize,
     };
     let planes = (0..model.plane_count()).map(|p| (0..pixels).map(|x| value(p, x)).collect()).collect();
     Lopsided { width, height, model, planes }
+}
+
+/// Learned functions with a value of its own in every place of the table.
+fn learned(origin: &str, planes: usize) -> Learned {
+    let square = Octahedral { nodes: 5, hemisphere: true };
+    let table = (0..square.count() * 3 * (planes + 1)).map(|i| i as f32 * 0.125 - 9.0).collect();
+    Learned::new(origin.to_owned(), planes, 3, square, table).unwrap()
 }
 
 impl Lopsided {
@@ -123,7 +136,7 @@ impl Lopsided {
 
     /// The slices of a [`CoefficientSpan`] of pixels `first..end`.
     pub(crate) fn span(&self, first: usize, end: usize) -> (Vec<f32>, Vec<f32>) {
-        let functions = self.model.basis.count();
+        let functions = self.model.maps();
         let interleaved = |planes: &[Vec<f32>]| -> Vec<f32> {
             (first..end).flat_map(|x| planes.iter().map(move |plane| plane[x])).collect()
         };

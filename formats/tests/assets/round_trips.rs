@@ -43,7 +43,7 @@ fn every_format_layout_and_precision_comes_back() {
             }
         }
     }
-    assert_eq!(tried, 4 * (9 + 9 + 6 + 2));
+    assert_eq!(tried, 4 * (12 + 12 + 8 + 2));
     assert_eq!(names_in(folder.path()).len(), 5, "temporaries were left behind");
 }
 
