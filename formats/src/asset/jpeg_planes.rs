@@ -179,7 +179,7 @@ mod tests {
         };
         let wave = |i: usize| {
             let (x, y) = (i % size.0, i / size.0);
-            127.5 + 140.0 * bow(x + 5 * seed, 17 + 6 * seed) * bow(y + seed, 40)
+            127.5 + 128.5 * bow(x + 5 * seed, 17 + 6 * seed) * bow(y + seed, 40)
         };
         (0..size.0 * size.1).map(|i| wave(i).clamp(0.0, 255.0) as u8).collect()
     }

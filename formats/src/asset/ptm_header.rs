@@ -14,6 +14,10 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+/// Forms that are read.
+const READ: [&str; 5] =
+    ["PTM_FORMAT_RGB", "PTM_FORMAT_LRGB", "PTM_FORMAT_LUM", "PTM_FORMAT_JPEG_RGB", "PTM_FORMAT_JPEG_LRGB"];
+
 /// Forms that are known by name and not read.
 const REFUSED: [&str; 4] =
     ["PTM_FORMAT_PTM_LUT", "PTM_FORMAT_PTM_C_LUT", "PTM_FORMAT_JPEGLS_RGB", "PTM_FORMAT_JPEGLS_LRGB"];
@@ -81,6 +85,9 @@ pub(super) fn open(path: &Path) -> Result<PtmFile, FormatError> {
         return Err(FormatError::unsupported(path, problem));
     }
     let format = words.next("its format")?.to_owned();
+    if !READ.contains(&format.as_str()) {
+        return Err(unknown_format(path, &format));
+    }
     let (width, height) = (words.dimension("width")?, words.dimension("height")?);
     let scale_bias = scales_and_biases(path, &mut words)?;
     let (form, layout, last) = match format.as_str() {
@@ -93,7 +100,7 @@ pub(super) fn open(path: &Path) -> Result<PtmFile, FormatError> {
             (jpeg_tables(path, &mut words, 3 * FUNCTIONS)?, Layout::Rgb, "eighteen sizes")
         }
         "PTM_FORMAT_JPEG_LRGB" => (jpeg_tables(path, &mut words, FUNCTIONS + 3)?, Layout::Lrgb, "nine sizes"),
-        other => return Err(unknown_format(path, other)),
+        _ => return Err(unknown_format(path, &format)),
     };
     let offset = words.end_of_line(last)? as u64;
     check_length(path, (width, height), &form, file_bytes - offset)?;
@@ -112,7 +119,7 @@ pub(super) fn open(path: &Path) -> Result<PtmFile, FormatError> {
 }
 
 fn unknown_format(path: &Path, format: &str) -> FormatError {
-    let read = "PTM_FORMAT_RGB, LRGB, LUM, JPEG_RGB and JPEG_LRGB";
+    let read = READ.join(", ");
     let problem = if REFUSED.contains(&format) {
         format!("holds {format}; relight reads {read}, to which PTM tools convert")
     } else {

@@ -1,6 +1,6 @@
 //! Assets of several files: their names, what each says of itself, and what holds them together.
 
-use crate::lopsided::{basis_of, LIMIT, Lopsided, PLAIN, lopsided, names_in, replace_in_file};
+use crate::lopsided::{LIMIT, Lopsided, PLAIN, basis_of, lopsided, names_in, replace_in_file};
 use relight_core::{CoefficientSpan, Layout};
 use relight_formats::asset::{
     ASSET_FORMATS, AssetFormat, Parts, WriteSettings, describe_asset, read_asset, read_packed,

@@ -5,12 +5,16 @@ use jpeg_encoder::{ColorType, Encoder};
 use relight_core::relighter::relight;
 use relight_core::{CpuLevel, Direction, Layout};
 use relight_formats::FormatError;
-use relight_formats::asset::{AssetFormat, AssetPlan, WriteSettings, describe_asset, read_asset, read_packed};
+use relight_formats::asset::{
+    AssetFormat, AssetPlan, WriteSettings, describe_asset, read_asset, read_packed,
+};
 use relight_texture::Precision;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 use zune_core::bytestream::ZCursor;
+use zune_core::colorspace::ColorSpace;
+use zune_core::options::DecoderOptions;
 
 const LIGHTS: [(f64, f64, f64); 3] = [(0.3, -0.5, 0.8), (-0.7, 0.2, 0.4), (0.0, 0.0, 1.0)];
 
@@ -53,7 +57,8 @@ fn picture_of_ptm(bytes: &[u8], u: f64, v: f64) -> Vec<f64> {
     let mut stored = Vec::new();
     for plane in 0..count {
         let (size, side_size) = (table(5, plane) as usize, table(6, plane) as usize);
-        let mut decoder = zune_jpeg::JpegDecoder::new(ZCursor::new(&bytes[at..at + size]));
+        let grey = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::Luma);
+        let mut decoder = zune_jpeg::JpegDecoder::new_with_options(ZCursor::new(&bytes[at..at + size]), grey);
         let codes = decoder.decode().unwrap();
         assert_eq!(codes.len(), width * height);
         stored.push((codes, &bytes[at + size..at + size + side_size]));
@@ -116,7 +121,7 @@ fn smooth(layout: Layout, size: (usize, usize)) -> Lopsided {
             let hills = (x * (5.0 - x) - y * y + x * y * 0.7).rem_euclid(8.0) / 8.0;
             let hills = (4.0 * hills * (1.0 - hills)) * 0.8 + 0.02 * x + 0.03 * channel as f32 * y;
             *value = match (p < 6 * stride, function % 2) {
-                (false, _) => (0.3 + 0.1 * function as f32 - 0.05 * hills).clamp(0.0, 1.0),
+                (false, _) => 0.3 + 0.2 * (function - 6) as f32 - 0.15 * hills,
                 (true, 0) => (hills - 0.3) * (function + 1) as f32 / 4.0,
                 (true, _) => (0.6 - hills) * function as f32 / 4.0,
             };
@@ -146,7 +151,7 @@ fn planes_in_jpeg_are_taken_off_each_other_and_another_reader_sees_the_same() {
         assert_eq!((fact("form").as_str(), fact("JPEG quality").as_str()), (form, "92"));
         let predicted: usize = fact("planes from others").split(' ').next().unwrap().parse().unwrap();
         if size.0 > 8 {
-            assert!(predicted >= count / 3, "{predicted} of {count} planes");
+            assert!(predicted >= count / 4, "{predicted} of {count} planes");
             assert!(once.len() * 4 < size.0 * size.1 * count, "{} bytes", once.len());
         }
         // What is read is what was written, but for JPEG.
@@ -167,7 +172,8 @@ fn planes_in_jpeg_are_taken_off_each_other_and_another_reader_sees_the_same() {
 fn what_jpeg_costs_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ptm");
-    for (layout, quality) in [(Layout::Rgb, 60), (Layout::Lrgb, 97)] {
+    // Where JPEG keeps nearly everything, it takes off some of the rounding of smooth planes.
+    for (layout, quality, above) in [(Layout::Rgb, 60, 0.05), (Layout::Lrgb, 97, 0.25)] {
         let asset = smooth(layout, (131, 77));
         let packing = asset.plain(&path, Precision::U8);
         let report = asset.write(&path, &packing, &jpeg(quality), 3).unwrap();
@@ -175,7 +181,8 @@ fn what_jpeg_costs_is_said() {
         for (p, (back, plane)) in maps.planes.iter().zip(&asset.planes).enumerate() {
             let square = |(a, b): (&f32, &f32)| f64::from(a - b) * f64::from(a - b);
             let rmse = (back.iter().zip(plane).map(square).sum::<f64>() / plane.len() as f64).sqrt();
-            assert!((report.rmse[p] / rmse - 1.0).abs() < 0.1, "plane {p}: {} for {rmse}", report.rmse[p]);
+            let ratio = report.rmse[p] / rmse;
+            assert!((0.97..1.0 + above).contains(&ratio), "plane {p}: {} for {rmse}", report.rmse[p]);
         }
         let plain = asset.write(&path, &packing, &PLAIN, 3).unwrap();
         assert!(report.relit_rmse > 1.2 * plain.relit_rmse, "{} {}", report.relit_rmse, plain.relit_rmse);
@@ -281,7 +288,8 @@ impl Made {
             line.iter().for_each(|number| write!(head, "{number} ").unwrap());
             head.push_str("\r\n");
         }
-        let files = self.planes.iter().zip(&self.sides).flat_map(|(plane, side)| [&plane[..], &side[..]].concat());
+        let files =
+            self.planes.iter().zip(&self.sides).flat_map(|(plane, side)| [&plane[..], &side[..]].concat());
         head.into_bytes().into_iter().chain(files).collect()
     }
 }
@@ -332,7 +340,10 @@ fn contradictions_in_planes_of_jpeg_are_refused() {
     let mut made = Made::new();
     made.planes[5] = jpeg_of(&[9; 14 * 7], (14, 7), ColorType::Luma);
     let refused = refusal(&made);
-    assert!(refused.contains("plane 5: its JPEG has 14 x 7 pixels of 1 channels where 13 x 7 of 1"), "{refused}");
+    assert!(
+        refused.contains("plane 5: its JPEG has 14 x 7 pixels of 1 channels where 13 x 7 of 1"),
+        "{refused}"
+    );
     made.planes[5] = jpeg_of(&[9; 13 * 7 * 3], (13, 7), ColorType::Rgb);
     assert!(refusal(&made).contains("13 x 7 pixels of 3 channels"));
     made.planes[5] = b"GIF89a".to_vec();
@@ -350,9 +361,8 @@ fn contradictions_in_planes_of_jpeg_are_refused() {
 
 /// A LUM file of 5 x 3 pixels.
 pub(crate) fn luminance_file(matrix: &str) -> Vec<u8> {
-    let head = format!(
-        "PTM_1.2\nPTM_FORMAT_LUM\n5\n3\n0.5 1.25 1e-1 2.0 1 0.75\n-107 300 128 0 255 12\n{matrix}\n"
-    );
+    let head =
+        format!("PTM_1.2\nPTM_FORMAT_LUM\n5\n3\n0.5 1.25 1e-1 2.0 1 0.75\n-107 300 128 0 255 12\n{matrix}\n");
     head.into_bytes().into_iter().chain((0..15 * 8).map(|i: u32| (i * 37 % 251) as u8)).collect()
 }
 
@@ -365,8 +375,8 @@ fn luminance_and_chrominance_become_rgb_as_the_matrix_says() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ptm");
     fs::write(&path, luminance_file(COLUMNS)).unwrap();
-    // A sixteenth of an 8-bit step: the constants are halves.
-    assert_reads_alike(&path, 1.0 / 255.0 / 16.0);
+    // An eighth of an 8-bit step: the constants are halves, 11 bits of what is at most 2.
+    assert_reads_alike(&path, 1.0 / 255.0 / 8.0);
     let maps = read_asset(&path, LIMIT).unwrap();
     assert_eq!((maps.model.layout, maps.planes.len()), (Layout::Rgb, 18));
     assert_eq!(read_packed(&path, LIMIT).unwrap().texels[0][0].len(), 2 * 18 * 15);
@@ -379,9 +389,9 @@ fn luminance_and_chrominance_become_rgb_as_the_matrix_says() {
         read_asset(&path, LIMIT).unwrap_err().to_string()
     };
     assert!(refusal(&"1 ".repeat(16)).contains("ends with neither a row nor a column of 0 0 0 1"));
-    let huge = COLUMNS.replace("1.402", "1e38").replace("1 -0.7", "1e38 -0.7");
+    let huge = COLUMNS.replace("1 -0.7", "1e42 -0.7");
     assert!(refusal(&huge).contains("exceeds 3.4e38"));
-    assert!(refusal("1 2 3 4").contains("not a finite number"));
+    assert!(refusal("1 2 3 4").contains("its header"));
     // Beyond what halves hold, a scale helps.
     let large = COLUMNS.replace("1.402", "1e7");
     fs::write(&path, luminance_file(&large)).unwrap();
@@ -394,7 +404,9 @@ fn forms_that_are_not_read_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ptm");
     let head = |form: &str| format!("PTM_1.2\n{form}\n5\n3\n1 1 1 1 1 1\n0 0 0 0 0 0\n");
-    for form in ["PTM_FORMAT_PTM_LUT", "PTM_FORMAT_PTM_C_LUT", "PTM_FORMAT_JPEGLS_RGB", "PTM_FORMAT_JPEGLS_LRGB"] {
+    for form in
+        ["PTM_FORMAT_PTM_LUT", "PTM_FORMAT_PTM_C_LUT", "PTM_FORMAT_JPEGLS_RGB", "PTM_FORMAT_JPEGLS_LRGB"]
+    {
         fs::write(&path, head(form)).unwrap();
         let refused = read_asset(&path, LIMIT).unwrap_err();
         assert!(matches!(refused, FormatError::Unsupported { .. }));

@@ -90,7 +90,10 @@ fn an_independent_reader_of_rti_sees_the_same_pictures() {
                 };
                 // Half a step of the widest range, that of the last function.
                 let step = asset.planes.len() as f64 / 3.0 / 255.0 * 0.51 * steps;
-                assert!((value - f64::from(expected)).abs() <= step, "{function} {i}: {value} for {expected}");
+                assert!(
+                    (value - f64::from(expected)).abs() <= step,
+                    "{function} {i}: {value} for {expected}"
+                );
             }
         }
     }
@@ -106,7 +109,11 @@ fn untidy_rti_headers_of_the_wild_are_read() {
     }
     for term in 0..4 {
         // 0x0a and '#' among the bytes of the first bias.
-        body.extend(if term == 0 { [0x0a, 0x23, 0x0d, 0x3f] } else { (-0.25f32 * term as f32).to_le_bytes() });
+        body.extend(if term == 0 {
+            [0x0a, 0x23, 0x0d, 0x3f]
+        } else {
+            (-0.25f32 * term as f32).to_le_bytes()
+        });
     }
     let pixels = |bytes: usize| (0..6 * bytes).map(|i| (i * 37 % 251) as u8).collect::<Vec<u8>>();
     for (head, pixel_bytes) in [
