@@ -225,6 +225,16 @@ mod tests {
             let largest = decoded.iter().zip(plane).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
             assert!(largest < 60, "a code is {largest} off: it came back at the other end");
             assert!(!coded.side.is_empty(), "nothing was in danger: this tests nothing");
+            // Noise under coarse JPEG is carried further than the margin.
+            let noisy: Vec<u8> = plane
+                .iter()
+                .enumerate()
+                .map(|(i, &code)| code.saturating_add((i * 7919 % 83) as u8).saturating_sub(41))
+                .collect();
+            let reference = Some((1, &earlier[1], is_inverted));
+            let (_, decoded) = encode(path, &noisy, reference, size, 5).unwrap();
+            let largest = decoded.iter().zip(&noisy).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+            assert!((20..128).contains(&largest), "a code is {largest} off");
         }
     }
 
