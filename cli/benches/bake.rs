@@ -158,8 +158,13 @@ fn stages(set: &Path, family: &str, count: usize) {
     let packing =
         Packing { arrays: vec![ArrayPlan { format: texels, layers }], levels: 1, wrap: Wrap::Clamp };
     let header = AssetHeader { width: stack.width(), height: stack.height(), model, packing };
-    let settings =
-        WriteSettings { coding: Coding::default(), zstd: None, split: false, memory_limit: 1 << 30 };
+    let settings = WriteSettings {
+        coding: Coding::default(),
+        zstd: None,
+        split: false,
+        jpeg_quality: None,
+        memory_limit: 1 << 30,
+    };
     let (written, ()) = timed(|| {
         let writer = format.create(&path, header, &settings).expect("a writer");
         for_each_span(&stack, (&fit, layout), level, SPAN, |span| {

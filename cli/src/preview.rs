@@ -27,7 +27,7 @@ use winit::window::{Window, WindowId};
 #[derive(Args, Debug)]
 #[group(id = "preview")]
 pub(crate) struct PreviewArguments {
-    /// The asset: .ktx2 or .dds, or the .json beside textures; .exr and .ptm too
+    /// The asset: .ktx2 or .dds, or the .json beside textures; .exr, .ptm and .rti too
     asset: PathBuf,
     /// The light to begin with: the vector towards it (x right, y up, z to the camera)
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, default_value = "0,0,1",

@@ -27,7 +27,7 @@ const EDGE: usize = 2;
 #[derive(Args, Debug)]
 #[group(id = "render")]
 pub(crate) struct RenderArguments {
-    /// The asset: .ktx2, .dds, .exr or .ptm
+    /// The asset: .ktx2, .dds, .exr, .ptm or .rti
     asset: PathBuf,
     /// The picture to write (.png or .exr), or with --lights and for a sequence the folder
     #[arg(short, long, value_name = "FILE")]

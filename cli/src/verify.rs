@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 #[derive(Args, Debug)]
 #[group(id = "verify")]
 pub(crate) struct VerifyArguments {
-    /// The asset: .ktx2 or .dds, or the .json beside textures; .exr and .ptm too
+    /// The asset: .ktx2 or .dds, or the .json beside textures; .exr, .ptm and .rti too
     asset: PathBuf,
     /// Draw under the lights of this file; by default under those that were fitted, or where the
     /// asset does not name them, lights spread over the hemisphere

@@ -8,12 +8,21 @@ mod document;
 mod exr;
 mod exr_reader;
 mod function_table;
+mod header_words;
+mod jpeg_planes;
 mod ktx2;
 mod ktx2_reader;
 mod planar;
+mod plane_prediction;
+mod planes;
 mod positions;
 mod ptm;
+mod ptm_header;
+mod ptm_jpeg;
+mod ptm_jpeg_reader;
 mod ptm_reader;
+mod rti;
+mod rti_reader;
 mod summary;
 mod texture;
 mod textures;
@@ -22,13 +31,15 @@ mod unpack;
 mod zstandard;
 
 pub use function_table::write_function_table;
+pub use planes::plane_names;
 pub use positions::AssetPositions;
 pub use summary::{AssetSummary, describe_asset, summarize_asset};
 
 use crate::FormatError;
+use planes::{check_finite, plane_bytes, plane_quantizers};
 use relight_core::{CoefficientSpan, Layout, Model, PositionMap, RelightingMaps};
 use relight_texture::{
-    Coding, PackReport, PackedMaps, Packing, Precision, Quantizer, TexelDomain, TexelFormat, full_levels,
+    Coding, PackReport, PackedMaps, Packing, Precision, TexelDomain, TexelFormat, full_levels,
 };
 use std::fs::File;
 use std::io::Read;
@@ -73,7 +84,9 @@ pub struct WriteSettings {
     pub zstd: Option<i32>,
     /// Whether every layer is a file of its own rather than every array.
     pub split: bool,
-    /// Bytes; concerns the formats that can't be streamed (exr).
+    /// Quality of planes in JPEG, 1 to 100; `None` for bytes as they are.
+    pub jpeg_quality: Option<u8>,
+    /// Bytes; concerns the formats that can't be streamed (exr, planes in JPEG).
     pub memory_limit: u64,
 }
 
@@ -119,9 +132,12 @@ pub struct AssetFormat {
     pub positions: &'static [Precision],
     /// Whether its textures can be compressed once more, by Zstandard.
     pub zstd: bool,
+    /// Whether its planes can be JPEG files within it.
+    pub jpeg: bool,
     /// Whether it stores a scale and bias for each plane.
     pub scaled: bool,
-    /// Whether its files are written as the spans come, rather than held until the last one.
+    /// Whether its files are written as the spans come, rather than held until the last one; planes in JPEG
+    /// never are.
     pub streamed: bool,
     /// The bytes with which its files begin.
     pub magic: &'static [u8],
@@ -148,7 +164,7 @@ pub struct Parts {
 type Created = Result<Box<dyn AssetWriter>, FormatError>;
 
 /// All asset formats, in the order in which they are listed to users.
-pub static ASSET_FORMATS: [AssetFormat; 4] = [
+pub static ASSET_FORMATS: [AssetFormat; 5] = [
     AssetFormat {
         name: "ktx2",
         extension: "ktx2",
@@ -158,6 +174,7 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         textures: true,
         positions: &[Precision::F16, Precision::F32],
         zstd: true,
+        jpeg: false,
         scaled: true,
         streamed: true,
         magic: Container::Ktx2.magic(),
@@ -180,6 +197,7 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         textures: true,
         positions: &[Precision::F16, Precision::F32],
         zstd: false,
+        jpeg: false,
         scaled: true,
         streamed: true,
         magic: Container::Dds.magic(),
@@ -202,6 +220,7 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         textures: false,
         positions: &[Precision::F32],
         zstd: false,
+        jpeg: false,
         scaled: false,
         streamed: false,
         magic: &[0x76, 0x2f, 0x31, 0x01],
@@ -222,6 +241,7 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         textures: false,
         positions: &[],
         zstd: false,
+        jpeg: true,
         scaled: true,
         streamed: true,
         magic: b"PTM_1.",
@@ -232,6 +252,27 @@ pub static ASSET_FORMATS: [AssetFormat; 4] = [
         read_packed: |path, limit| planar::read_packed(path, limit, ptm_reader::summarize, ptm_reader::read),
         read_positions: |_, _| Ok(None),
         summarize: ptm_reader::summarize,
+    },
+    AssetFormat {
+        name: "rti",
+        extension: "rti",
+        about: "hemispherical harmonics of RTI tools (HSH1.2), for RTI viewers",
+        layouts: &[Layout::Rgb, Layout::Lrgb],
+        precisions: &[Precision::U8],
+        textures: false,
+        positions: &[],
+        zstd: false,
+        jpeg: false,
+        scaled: true,
+        streamed: true,
+        magic: b"#HSH",
+        refusal: rti::refusal,
+        create: |path, header, _, _| rti::create(path, header),
+        outputs: |path, _, _| Ok(vec![path.to_owned()]),
+        read: rti_reader::read,
+        read_packed: |path, limit| planar::read_packed(path, limit, rti_reader::summarize, rti_reader::read),
+        read_positions: |_, _| Ok(None),
+        summarize: rti_reader::summarize,
     },
 ];
 
@@ -268,8 +309,11 @@ impl AssetFormat {
     }
 
     /// Bytes that a writer of this format holds until the asset is whole; 0 where it streams.
-    pub fn held_bytes(&self, plan: &AssetPlan<'_>) -> u64 {
+    pub fn held_bytes(&self, plan: &AssetPlan<'_>, settings: &WriteSettings) -> u64 {
         let AssetPlan { width, height, model, formats, levels } = *plan;
+        if settings.jpeg_quality.is_some() {
+            return ptm_jpeg::held_bytes(width, height, model.plane_count());
+        }
         if self.streamed {
             return relight_texture::held_bytes(width, height, model.plane_count(), levels);
         }
@@ -318,10 +362,27 @@ impl AssetFormat {
         } else if let Some(level) = settings.zstd.filter(|level| !zstandard::LEVELS.contains(level)) {
             let (least, most) = (zstandard::LEVELS.start(), zstandard::LEVELS.end());
             Some(format!("Zstandard's level {level} is outside {least}..{most}"))
+        } else if let Some(quality) = settings.jpeg_quality {
+            self.refusal_of_jpeg(plan, quality).or_else(|| (self.refusal)(model))
         } else {
             (self.refusal)(model)
         };
         refusal.map_or(Ok(()), |problem| Err(FormatError::unsupported(path, problem)))
+    }
+
+    /// Why it can't hold planes in JPEG of such a quality.
+    fn refusal_of_jpeg(&self, plan: &AssetPlan<'_>, quality: u8) -> Option<String> {
+        let AssetPlan { width, height, .. } = *plan;
+        let largest = usize::from(u16::MAX);
+        if !self.jpeg {
+            Some(format!("{} holds no planes in JPEG; write .ptm", self.name))
+        } else if !(1..=100).contains(&quality) {
+            Some(format!("JPEG quality {quality} is outside 1..100"))
+        } else {
+            let problem =
+                format!("{width} x {height} is outside 1..{largest} of JPEG; write .ptm without it");
+            (width.max(height) > largest).then_some(problem)
+        }
     }
 
     /// Whether texels of `format` are among those that it holds.
@@ -475,63 +536,6 @@ fn open_measured(path: &Path) -> Result<(File, u64), FormatError> {
     let file = open(path)?;
     let length = file.metadata().map_err(|e| FormatError::io(path, "read", e))?.len();
     Ok((file, length))
-}
-
-/// Bytes that the planes of such an asset take in memory; saturates.
-fn plane_bytes(width: usize, height: usize, model: &Model, format: TexelFormat) -> u64 {
-    let texel_bytes = (model.plane_count() * format.decoded_precision().bytes()) as u64;
-    (width as u64).saturating_mul(height as u64).saturating_mul(texel_bytes)
-}
-
-/// What each plane is called in messages and in EXR files, in the order of [`Model::roles`]:
-/// `b03_uv.R`, `b03_uv.Y`, `base.R`.
-pub fn plane_names(model: &Model) -> Vec<String> {
-    let layer = |j: usize| {
-        let label = model.map_label(j);
-        let word: String = label
-            .chars()
-            .map(|c| match c {
-                '-' => 'n',
-                c if c.is_ascii_alphanumeric() => c,
-                _ => '_',
-            })
-            .collect();
-        format!("b{j:02}_{word}")
-    };
-    let maps = 0..model.maps();
-    let colored = |layer: String| ["R", "G", "B"].map(|channel| format!("{layer}.{channel}"));
-    match model.layout {
-        Layout::Rgb => maps.flat_map(|j| colored(layer(j))).collect(),
-        Layout::Grey | Layout::Shared => maps.map(|j| layer(j) + ".Y").collect(),
-        Layout::Lrgb => maps.map(|j| layer(j) + ".Y").chain(colored("base".to_owned())).collect(),
-    }
-}
-
-/// The quantizer of each plane, in the order of [`Model::roles`].
-///
-/// # Panics
-/// When a plane is in no layer.
-fn plane_quantizers(header: &AssetHeader) -> Vec<Quantizer> {
-    let mut quantizers = vec![None; header.model.plane_count()];
-    for layer in header.packing.arrays.iter().flat_map(|array| &array.layers) {
-        for (&plane, &quantizer) in layer.planes.iter().zip(&layer.quantizers) {
-            quantizers[plane] = Some(quantizer);
-        }
-    }
-    quantizers.into_iter().map(|quantizer| quantizer.expect("every plane lies in a layer")).collect()
-}
-
-/// Refuses quantizers that are not finite.
-fn check_finite(path: &Path, header: &AssetHeader) -> Result<(), FormatError> {
-    let finite = |q: &Quantizer| q.scale.is_finite() && q.bias.is_finite();
-    match plane_quantizers(header).iter().position(|q| !finite(q)) {
-        None => Ok(()),
-        Some(plane) => {
-            let name = &plane_names(&header.model)[plane];
-            let problem = format!("the coefficients of plane {name} are not finite; raise the ridge");
-            Err(FormatError::invalid(path, problem))
-        }
-    }
 }
 
 /// Panics unless `span` has its shapes and lies inside the map.

@@ -16,7 +16,7 @@ use crate::FormatError;
 use half::f16;
 use relight_core::CpuLevel;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -130,15 +130,18 @@ struct Format {
     decode: fn(&[u8], &Path, CpuLevel, u64) -> Result<DecodedPicture, FormatError>,
 }
 
+/// The one that is read within files of other kinds, too.
+const JPEG: Format = Format {
+    name: "JPEG",
+    extensions: &["jpg", "jpeg", "jpe", "jfif"],
+    is_magic: jpeg::is_magic,
+    probe: jpeg::probe,
+    decode: jpeg::decode,
+};
+
 /// All formats that can be read.
 const FORMATS: [Format; 5] = [
-    Format {
-        name: "JPEG",
-        extensions: &["jpg", "jpeg", "jpe", "jfif"],
-        is_magic: jpeg::is_magic,
-        probe: jpeg::probe,
-        decode: jpeg::decode,
-    },
+    JPEG,
     Format {
         name: "PNG",
         extensions: &["png"],
@@ -232,6 +235,36 @@ pub fn decode_bytes(
     let picture = guarded(format, path, || (format.decode)(bytes, path, level, memory_limit))?;
     check_finite(&picture, path)?;
     Ok(picture)
+}
+
+/// Decodes a grey JPEG of `width` x `height` pixels that lies within the file at `path`: its rows.
+///
+/// `memory_limit` bounds `bytes`, samples and decoder together, in bytes.
+///
+/// # Errors
+/// As [`decode`]; a picture of another size or kind is refused before it is decoded.
+pub(crate) fn decode_grey_jpeg(
+    bytes: &[u8],
+    (width, height): (usize, usize),
+    path: &Path,
+    memory_limit: u64,
+) -> Result<Vec<u8>, FormatError> {
+    if !(JPEG.is_magic)(bytes) {
+        return Err(FormatError::invalid(path, "is no JPEG"));
+    }
+    let info = guarded(&JPEG, path, || (JPEG.probe)(&mut Cursor::new(bytes), path))?;
+    if (info.width, info.height, info.channels) != (width, height, 1) {
+        let problem = format!(
+            "its JPEG has {} x {} pixels of {} channels where {width} x {height} of 1 are needed",
+            info.width, info.height, info.channels
+        );
+        return Err(FormatError::invalid(path, problem));
+    }
+    let level = CpuLevel::detect();
+    match guarded(&JPEG, path, || (JPEG.decode)(bytes, path, level, memory_limit))?.samples {
+        Samples::U8(samples) => Ok(samples),
+        _ => Err(FormatError::invalid(path, "its JPEG has more than 8 bits")),
+    }
 }
 
 fn format_of(magic: &[u8], path: &Path) -> Result<&'static Format, FormatError> {

@@ -29,7 +29,7 @@ use std::time::Instant;
 pub(crate) struct BakeArguments {
     /// A .lp file, a folder that holds one, or a .toml job file
     input: PathBuf,
-    /// The asset to write: .ktx2, .dds, .exr or .ptm
+    /// The asset to write: .ktx2, .dds, .exr, .ptm or .rti
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Family of functions: ptm, sh, hsh, srbf, or pca for planes learned from the pictures
@@ -238,7 +238,8 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let span = span_pixels(width, needs_rows(formats.iter().copied(), levels));
     let working = working_bytes(formats.iter().copied(), model.plane_count(), span);
     let spans = machine.threads as u64 * (span_bytes(fitted.infos.len(), model.maps(), span) + working);
-    let kept_back = format.held_bytes(&plan).saturating_add(spans).saturating_add(position_bytes as u64);
+    let kept_back =
+        format.held_bytes(&plan, &settings).saturating_add(spans).saturating_add(position_bytes as u64);
     let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &arguments.output))?;
     let mut fit = stages.time("solve", || fit::solve(arguments, choice, &fitted, layout, &stack))?;
     model.basis = fit.solved.basis();

@@ -323,7 +323,7 @@ pub fn coefficient_sample<'a>(
 ) -> Result<CoefficientSample, FitError> {
     let fit = fit.into();
     let layout = fit.layout();
-    let fitting = Fitting::new(stack, fit.into(), level)?;
+    let fitting = Fitting::new(stack, fit, level)?;
     let (width, height) = (stack.width(), stack.height());
     let corners = block_corners(width, height, blocks);
     // By block: planes x 16.

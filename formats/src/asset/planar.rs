@@ -1,8 +1,8 @@
 //! Formats that hold planes one by one: their packing.
 
-use super::{AssetHeader, Details};
+use super::{AssetHeader, Details, plane_quantizers};
 use crate::FormatError;
-use relight_core::{RelightingMaps, Texels};
+use relight_core::{CoefficientRange, RelightingMaps, Texels};
 use relight_texture::{ArrayPlan, LayerPlan, PackedMaps, Packing, Precision, Quantizer, TexelFormat, Wrap};
 use std::path::Path;
 
@@ -17,6 +17,28 @@ pub(super) fn packing(precision: Precision, quantizers: impl Iterator<Item = Qua
 /// The precision of a packing for such a format.
 pub(super) fn precision(packing: &Packing) -> Precision {
     packing.formats().next().map_or(Precision::F32, TexelFormat::decoded_precision)
+}
+
+/// The range of each plane that its quantizer in the packing spans.
+pub(super) fn plane_ranges(header: &AssetHeader) -> Vec<CoefficientRange> {
+    let range = |q: Quantizer| CoefficientRange { min: q.bias, max: q.bias + q.scale };
+    plane_quantizers(header).into_iter().map(range).collect()
+}
+
+/// The range that holds all of `ranges`.
+pub(super) fn range_of(ranges: &[CoefficientRange]) -> CoefficientRange {
+    ranges.iter().fold(CoefficientRange::EMPTY, |all, &range| all.union(range))
+}
+
+/// Refuses base colours that bytes 0 to 255 for 0..1 can't hold; `ranges` are those of their planes.
+pub(super) fn check_base_colors(path: &Path, ranges: &[CoefficientRange]) -> Result<(), FormatError> {
+    let CoefficientRange { min, max } = range_of(ranges);
+    // A thousandth beyond is rounding; more would be clipped unsaid.
+    if max > 1.001 || min < -0.001 {
+        let problem = format!("base colours {min}..{max} leave the 0..1 of its bytes; write .ktx2");
+        return Err(FormatError::invalid(path, problem));
+    }
+    Ok(())
 }
 
 /// Reads maps as a GPU takes them; see [`super::read_packed`].

@@ -1,11 +1,11 @@
-//! `.ptm`: what its header says, and the writer of PTM_1.2 (RGB and LRGB).
+//! `.ptm`: what it holds, and the writer of PTM_1.2 (RGB and LRGB).
 //!
 //! Source: FORMATS.md of this project. value = (byte - bias) x scale in 0..255 units, one scale and
 //! bias a function, rows bottom-up.
 
+use super::planar::{check_base_colors, plane_ranges, range_of};
 use super::{
-    AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, check_complete, check_finite,
-    plane_quantizers,
+    AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, check_complete, check_finite, ptm_jpeg,
 };
 use crate::{FormatError, OutputFile};
 use relight_core::CoefficientRange;
@@ -35,10 +35,58 @@ pub(super) fn refusal(model: &Model) -> Option<String> {
     })
 }
 
-struct PtmWriter {
-    header: AssetHeader,
+/// How the coefficients of a map become those of a `.ptm`.
+pub(super) struct PtmCoding {
+    /// One per function.
+    scale_bias: Vec<(f32, i32)>,
     /// One per function.
     quantizers: Vec<Quantizer>,
+}
+
+impl PtmCoding {
+    /// The coding of `header`'s planes, whose ranges are those of their quantizers in the packing.
+    ///
+    /// # Errors
+    /// [`FormatError::Invalid`] for planes that are not finite and base colours outside 0..1.
+    pub(super) fn of(path: &Path, header: &AssetHeader) -> Result<Self, FormatError> {
+        check_finite(path, header)?;
+        let planes_per_map = header.model.layout.planes_per_map();
+        let ranges = plane_ranges(header);
+        let (coefficients, base) = ranges.split_at(FUNCTIONS * planes_per_map);
+        check_base_colors(path, base)?;
+        let scale_bias: Vec<_> =
+            coefficients.chunks(planes_per_map).map(|ranges| scale_bias_of(range_of(ranges))).collect();
+        let quantizers =
+            scale_bias.iter().map(|&(scale, bias)| quantizer_of(scale, f64::from(bias))).collect();
+        Ok(Self { scale_bias, quantizers })
+    }
+
+    /// The header of a file of `form`, up to and with the biases.
+    pub(super) fn head(&self, header: &AssetHeader, form: &str) -> String {
+        let layout = if header.model.layout == Layout::Lrgb { "LRGB" } else { "RGB" };
+        let joined = |words: Vec<String>| words.join(" ");
+        format!(
+            "PTM_1.2\nPTM_FORMAT_{form}{layout}\n{}\n{}\n{}\n{}\n",
+            header.width,
+            header.height,
+            joined(self.scale_bias.iter().map(|(scale, _)| scale.to_string()).collect()),
+            joined(self.scale_bias.iter().map(|(_, bias)| bias.to_string()).collect()),
+        )
+    }
+
+    /// The quantizer of plane `role` of `Model::roles`.
+    pub(super) fn quantizer(&self, layout: Layout, role: usize) -> Quantizer {
+        let function = role / layout.planes_per_map();
+        self.quantizers.get(function).copied().unwrap_or(UNIT)
+    }
+}
+
+/// Codes of base colours: 255 is 1.
+pub(super) const UNIT: Quantizer = Quantizer { scale: 1.0, bias: 0.0 };
+
+struct PtmWriter {
+    header: AssetHeader,
+    coding: PtmCoding,
     /// Where the coefficients begin in the file.
     offset: u64,
     written: AtomicUsize,
@@ -49,41 +97,17 @@ struct PtmWriter {
 /// Starts a `.ptm` asset; see [`super::AssetFormat::create`].
 ///
 /// The range of a plane is that of its quantizer in the packing.
-pub(super) fn create(path: &Path, header: AssetHeader, _settings: &WriteSettings) -> Created {
-    check_finite(path, &header)?;
-    let range = |q: Quantizer| CoefficientRange { min: q.bias, max: q.bias + q.scale };
-    let ranges: Vec<_> = plane_quantizers(&header).into_iter().map(range).collect();
-    let (format, planes_per_map) = match header.model.layout {
-        Layout::Lrgb => ("PTM_FORMAT_LRGB", 1),
-        Layout::Rgb | Layout::Grey | Layout::Shared => ("PTM_FORMAT_RGB", 3),
-    };
-    let (coefficients, base) = ranges.split_at(FUNCTIONS * planes_per_map);
-    let base = base.iter().fold(CoefficientRange::EMPTY, |all, &range| all.union(range));
-    // A thousandth beyond is rounding; more would be clipped unsaid.
-    if base.max > 1.001 || base.min < -0.001 {
-        let CoefficientRange { min, max } = base;
-        return Err(FormatError::invalid(path, format!("base colours {min}..{max} leave 0..1 of .ptm")));
+pub(super) fn create(path: &Path, header: AssetHeader, settings: &WriteSettings) -> Created {
+    let coding = PtmCoding::of(path, &header)?;
+    if let Some(quality) = settings.jpeg_quality {
+        return ptm_jpeg::create(path, header, coding, quality, settings.memory_limit);
     }
-    let scale_bias: Vec<_> = coefficients
-        .chunks(planes_per_map)
-        .map(|ranges| {
-            scale_bias_of(ranges.iter().fold(CoefficientRange::EMPTY, |all, &range| all.union(range)))
-        })
-        .collect();
-    let joined = |words: Vec<String>| words.join(" ");
-    let head = format!(
-        "PTM_1.2\n{format}\n{}\n{}\n{}\n{}\n",
-        header.width,
-        header.height,
-        joined(scale_bias.iter().map(|(scale, _)| scale.to_string()).collect()),
-        joined(scale_bias.iter().map(|(_, bias)| bias.to_string()).collect()),
-    );
-    let quantizers = scale_bias.iter().map(|&(scale, bias)| quantizer_of(scale, f64::from(bias))).collect();
+    let head = coding.head(&header, "");
     let file = OutputFile::create(path)?;
     file.write_at(0, head.as_bytes())?;
     let offset = head.len() as u64;
     let (written, errors) = (AtomicUsize::new(0), StoringErrors::new(&header.model));
-    Ok(Box::new(PtmWriter { header, quantizers, offset, written, errors, file }))
+    Ok(Box::new(PtmWriter { header, coding, offset, written, errors, file }))
 }
 
 /// Scale and bias of a function whose coefficients lie in `range`, such that their codes are 0..255
@@ -105,7 +129,7 @@ pub(super) fn quantizer_of(scale: f32, bias: f64) -> Quantizer {
 }
 
 /// What a code gives back less the coefficient.
-fn error(quantizer: &Quantizer, code: u8, coefficient: f32) -> f32 {
+pub(super) fn error(quantizer: &Quantizer, code: u8, coefficient: f32) -> f32 {
     quantizer.scale * (f32::from(code) / 255.0) + quantizer.bias - coefficient
 }
 
@@ -127,7 +151,7 @@ impl PtmWriter {
         let channels = model.layout.planes_per_map();
         bytes.resize(count * FUNCTIONS, 0);
         for channel in 0..channels {
-            for (j, quantizer) in self.quantizers.iter().enumerate() {
+            for (j, quantizer) in self.coding.quantizers.iter().enumerate() {
                 let row = &span.maps[j * span.pixels * channels..][start * channels..];
                 let row = row[channel..].iter().step_by(channels);
                 for (pixel, c) in bytes.chunks_exact_mut(FUNCTIONS).zip(row.clone()) {
@@ -141,13 +165,12 @@ impl PtmWriter {
             self.file.write_at(place, bytes)?;
         }
         if model.layout == Layout::Lrgb {
-            let unit = Quantizer { scale: 1.0, bias: 0.0 };
             let base = &span.base_color[3 * start..][..3 * count];
             bytes.clear();
-            bytes.extend(base.iter().map(|&c| unit.code(c)));
+            bytes.extend(base.iter().map(|&c| UNIT.code(c)));
             for channel in 0..3 {
                 let codes = bytes[channel..].iter().step_by(3).zip(base[channel..].iter().step_by(3));
-                let of_channel = codes.map(|(&code, &c)| error(&unit, code, c));
+                let of_channel = codes.map(|(&code, &c)| error(&UNIT, code, c));
                 errors[FUNCTIONS + channel].add(span.first + start, of_channel);
             }
             self.file.write_at(self.offset + block + pixel * 3, bytes)?;

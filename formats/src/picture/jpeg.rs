@@ -70,7 +70,7 @@ pub(super) fn decode(
 
 fn damaged(path: &Path, cause: impl std::fmt::Display) -> FormatError {
     let cause = cause.to_string();
-    let problem = format!("truncated or damaged JPEG: {}; copy it again from the camera", cause.trim());
+    let problem = format!("truncated or damaged JPEG: {}; copy it again", cause.trim());
     FormatError::invalid(path, problem)
 }
 

@@ -1,6 +1,6 @@
 //! Assets of several files: their names, what each says of itself, and what holds them together.
 
-use crate::lopsided::{LIMIT, Lopsided, PLAIN, lopsided, names_in, replace_in_file};
+use crate::lopsided::{LIMIT, Lopsided, PLAIN, basis_of, lopsided, names_in, replace_in_file};
 use relight_core::{CoefficientSpan, Layout};
 use relight_formats::asset::{
     ASSET_FORMATS, AssetFormat, Parts, WriteSettings, describe_asset, read_asset, read_packed,
@@ -206,7 +206,8 @@ fn files_that_are_no_part_of_an_asset_are_not_replaced() {
 fn a_map_with_missing_pixels_is_not_finished() {
     let folder = tempfile::tempdir().unwrap();
     for format in &ASSET_FORMATS {
-        let asset = lopsided("ptm", 6, Layout::Rgb, (4, 3));
+        let (family, count) = basis_of(format.name);
+        let asset = lopsided(family, count, Layout::Rgb, (4, 3));
         let path = folder.path().join("a").with_extension(format.extension);
         let packing = asset.plain(&path, format.precisions[0]);
         let settings = WriteSettings { split: format.textures, ..PLAIN };

@@ -28,6 +28,7 @@ pub(crate) const PLAIN: WriteSettings = WriteSettings {
     },
     zstd: None,
     split: false,
+    jpeg_quality: None,
     memory_limit: LIMIT,
 };
 
@@ -40,6 +41,15 @@ impl SplitMix {
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((z ^ (z >> 31)) % below as u64) as usize
+    }
+}
+
+/// A family and number of functions that the format of that name holds.
+pub(crate) fn basis_of(format: &str) -> (&'static str, usize) {
+    match format {
+        "ptm" => ("ptm", 6),
+        "rti" => ("hsh", 9),
+        _ => ("srbf", 7),
     }
 }
 

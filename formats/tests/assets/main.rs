@@ -10,5 +10,7 @@ mod mangled;
 mod planar;
 mod position_files;
 mod positions;
+mod ptm_forms;
 mod refusals;
 mod round_trips;
+mod rti;

@@ -3,6 +3,7 @@
 use crate::lopsided::{LIMIT, PLAIN, SplitMix, lopsided, names_in};
 use crate::position_files::write_exr;
 use crate::positions;
+use crate::ptm_forms::{COLUMNS, luminance_file};
 use relight_core::{Layout, PositionMap};
 use relight_formats::asset::{WriteSettings, describe_asset, read_asset, read_packed, read_positions};
 use relight_formats::{
@@ -40,10 +41,16 @@ unsafe impl GlobalAlloc for Watched {
 
 /// Writes an asset of nine planes at `path`.
 fn write(path: &Path, kind: &str) {
-    let asset = lopsided("ptm", 6, Layout::Lrgb, (23, 37));
+    let (family, count) = if kind == "hsh" { ("hsh", 4) } else { ("ptm", 6) };
+    let asset = lopsided(family, count, Layout::Lrgb, (23, 37));
     let block = TexelFormat::Block;
     let (packing, settings) = match kind {
-        "plain" => (asset.plain(path, Precision::U8), PLAIN),
+        "plain" | "hsh" => (asset.plain(path, Precision::U8), PLAIN),
+        "jpeg" => {
+            let settings = WriteSettings { jpeg_quality: Some(80), ..PLAIN };
+            (asset.plain(path, Precision::U8), settings)
+        }
+        "luminance" => return fs::write(path, luminance_file(COLUMNS)).unwrap(),
         "half" => (asset.plain(path, Precision::F16), PLAIN),
         "blocks" => (asset.packing(block(BlockFormat::Bc7), 6), PLAIN),
         "zstd" => (asset.packing(block(BlockFormat::Bc5Signed), 6), WriteSettings { zstd: Some(3), ..PLAIN }),
@@ -83,6 +90,9 @@ fn mangle(whole: &[u8], round: usize, random: &mut SplitMix) -> Vec<u8> {
 fn mangled_assets_are_errors_or_results_within_the_memory_limit() {
     let kinds = [
         ("a.ptm", "plain"),
+        ("a.ptm", "jpeg"),
+        ("a.ptm", "luminance"),
+        ("a.rti", "hsh"),
         ("a.exr", "half"),
         ("a.ktx2", "plain"),
         ("a.ktx2", "blocks"),

@@ -17,7 +17,7 @@ fn refusals_say_what_is_held_instead() {
         asset.write_plain(&folder.path().join(name), precision).unwrap_err().to_string()
     };
     let words = refusal("a.tiff", "ptm", 6, Precision::U8, Space::Encoded);
-    assert!(words.ends_with("use .ktx2, .dds, .exr, .ptm"), "{words}");
+    assert!(words.ends_with("use .ktx2, .dds, .exr, .ptm, .rti"), "{words}");
     let words = refusal("a.ptm", "sh", 9, Precision::U8, Space::Encoded);
     assert!(words.contains("basis ptm with 6 functions, not sh with 9"), "{words}");
     let words = refusal("a.ptm", "ptm", 10, Precision::U8, Space::Encoded);
@@ -139,8 +139,8 @@ fn files_that_are_none_of_ours_are_told_apart() {
     half[at + 1..at + 3].copy_from_slice(b"16");
     let refused = refusal(&half);
     assert!(refused.contains("has texels of f32 where its metadata say f16"), "{refused}");
-    let refused = refusal(b"PTM_1.2\nPTM_FORMAT_JPEG_LRGB\n8\n8\n");
-    assert!(refused.contains("PTM_FORMAT_JPEG_LRGB"), "{refused}");
+    let refused = refusal(b"PTM_1.2\nPTM_FORMAT_PTM_LUT\n8\n8\n");
+    assert!(refused.contains("holds PTM_FORMAT_PTM_LUT; relight reads"), "{refused}");
     let refused = refusal(b"GIF89a");
     assert!(refused.contains(".ktx2, .dds, .exr, .ptm"), "{refused}");
     let refused = refusal(b"{\"version\":2}");

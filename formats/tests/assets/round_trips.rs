@@ -1,6 +1,6 @@
 //! Every format, layout, texel format and way of storing comes back.
 
-use crate::lopsided::{LAYOUTS, LIMIT, Lopsided, PLAIN, PRECISIONS, layer_of, lopsided, names_in};
+use crate::lopsided::{LAYOUTS, LIMIT, Lopsided, PLAIN, PRECISIONS, basis_of, layer_of, lopsided, names_in};
 use relight_core::{Layout, RelightingMaps, Texels};
 use relight_formats::asset::{ASSET_FORMATS, AssetPlan, WriteSettings, read_asset, read_packed};
 use relight_texture::{BlockFormat, PackedMaps, Precision, TexelFormat, decode_channel, full_levels};
@@ -20,7 +20,7 @@ fn every_format_layout_and_precision_comes_back() {
     let folder = tempfile::tempdir().unwrap();
     let mut tried = 0;
     for format in &ASSET_FORMATS {
-        let (family, count) = if format.name == "ptm" { ("ptm", 6) } else { ("srbf", 7) };
+        let (family, count) = basis_of(format.name);
         for (layout, precision) in LAYOUTS.iter().flat_map(|l| PRECISIONS.map(|p| (*l, p))) {
             for size in [(1, 1), (3, 5), (4097, 1), (257, 130)] {
                 let asset = lopsided(family, count, layout, size);
@@ -43,15 +43,16 @@ fn every_format_layout_and_precision_comes_back() {
             }
         }
     }
-    assert_eq!(tried, 4 * (12 + 12 + 8 + 2));
-    assert_eq!(names_in(folder.path()).len(), 5, "temporaries were left behind");
+    assert_eq!(tried, 4 * (12 + 12 + 8 + 2 + 2));
+    assert_eq!(names_in(folder.path()).len(), 6, "temporaries were left behind");
 }
 
 /// Codes are those of the quantizer, whatever carried them.
 fn check(asset: &Lopsided, maps: &RelightingMaps, precision: Precision, format: &str) {
-    let ptm = format == "ptm";
+    // One scale and bias for the three channels, and nothing about lights.
+    let of_rti_tools = format == "ptm" || format == "rti";
     let mut expected = asset.model.clone();
-    if ptm {
+    if of_rti_tools {
         (expected.lights, expected.figures) = (Vec::new(), None);
     }
     assert_eq!((maps.width, maps.height, &maps.model), (asset.width, asset.height, &expected));
@@ -61,7 +62,7 @@ fn check(asset: &Lopsided, maps: &RelightingMaps, precision: Precision, format: 
             "{format} {:?} {precision:?} {}x{} plane {p}",
             expected.layout, asset.width, asset.height
         );
-        if ptm {
+        if of_rti_tools {
             let mut coefficients = vec![0.0; plane.len()];
             map.coefficients(0, &mut coefficients);
             for (a, b) in coefficients.iter().zip(plane) {
@@ -215,15 +216,19 @@ fn arrays_of_several_formats_come_back_from_files_of_their_own() {
 #[test]
 fn planes_one_by_one_are_packed_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
-    for (name, precision) in [("a.exr", Precision::F16), ("a.exr", Precision::F32), ("a.ptm", Precision::U8)]
-    {
+    for (name, (family, count), precision) in [
+        ("a.exr", ("ptm", 6), Precision::F16),
+        ("a.exr", ("srbf", 6), Precision::F32),
+        ("a.ptm", ("ptm", 6), Precision::U8),
+        ("a.rti", ("hsh", 4), Precision::U8),
+    ] {
         let path = folder.path().join(name);
-        let asset = lopsided("ptm", 6, Layout::Lrgb, (13, 5));
+        let asset = lopsided(family, count, Layout::Lrgb, (13, 5));
         asset.write_plain(&path, precision).unwrap();
         let (packed, maps) = (read_packed(&path, LIMIT).unwrap(), read_asset(&path, LIMIT).unwrap());
         assert_eq!(packed.packing.levels, 1);
         let decoded = decoded(&packed);
-        assert_eq!(decoded.len(), 9);
+        assert_eq!(decoded.len(), count + 3);
         for (map, (plane, scale_bias, texels)) in maps.planes.iter().zip(decoded) {
             assert_eq!((map.scale, map.bias), scale_bias, "{name} plane {plane}");
             assert!(bits(&map.texels) == bits(&texels), "{name} plane {plane}");

@@ -79,7 +79,7 @@ pub(super) fn body(source: &mut Source, count: usize) {
         statements.extend((0..4).map(|c| format!("basis[{}] = v.{};", element(c), components[c])));
         statements
     });
-    if count % 4 > 0 {
+    if !count.is_multiple_of(4) {
         let group = count / 4;
         let mut statements = vec![between(source, &group.to_string())];
         statements.extend((0..count % 4).map(|c| format!("basis[{}] = v.{};", 4 * group + c, components[c])));
