@@ -12,6 +12,7 @@ mod interrupt;
 mod job;
 mod light_options;
 mod lights;
+mod normals;
 mod notes;
 mod options;
 mod positions;
@@ -49,6 +50,8 @@ enum Command {
     Evaluate(evaluate::EvaluateArguments),
     /// Examine a capture before baking it: coverage, duplicates, exposure, usable bases
     Lights(lights::LightsArguments),
+    /// Find normals, albedo and height of a surface from pictures under known lights
+    Normals(normals::NormalsArguments),
     /// Write a shader include that lights an asset, in WGSL, GLSL or HLSL
     Shader(shader::ShaderArguments),
     /// Draw an asset on the GPU and compare with the CPU's pictures
@@ -81,6 +84,7 @@ fn main() -> ExitCode {
         Command::View(arguments) => view::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Lights(arguments) => lights::run(&arguments),
+        Command::Normals(arguments) => normals::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
         #[cfg(feature = "gpu")]
         Command::Verify(arguments) => verify::run(&arguments),

@@ -16,6 +16,16 @@ pub enum FitError {
     },
     /// LRGB was asked for pictures of one channel.
     GreyHasNoColor,
+    /// Fewer than 3 lights can't tell a normal.
+    TooFewForNormals {
+        /// How many there are.
+        lights: usize,
+    },
+    /// Lights in one plane leave a normal's part across it open.
+    CoplanarLights {
+        /// How many there are.
+        lights: usize,
+    },
     /// Functions that can't be stored.
     Basis(BasisError),
     /// The pictures could not be read back.
@@ -31,6 +41,15 @@ impl fmt::Display for FitError {
             }
             Self::GreyHasNoColor => {
                 write!(f, "the pictures are grey, so there is no base colour to store; use --color rgb")
+            }
+            Self::TooFewForNormals { lights } => {
+                write!(f, "normals need at least 3 lights; the light set has {lights}, so take more pictures")
+            }
+            Self::CoplanarLights { lights } => {
+                write!(
+                    f,
+                    "the {lights} lights lie in one plane through the surface, which leaves normals open; add a picture lit from outside it"
+                )
             }
             Self::Basis(error) => write!(f, "{error}"),
             Self::Stack(error) => write!(f, "{error}"),

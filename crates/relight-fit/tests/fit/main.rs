@@ -8,5 +8,6 @@ mod determinism;
 mod hard_lights;
 mod hard_pictures;
 mod leave_one_out;
+mod normals;
 mod pictures;
 mod recovery;
