@@ -6,8 +6,8 @@ use crate::options::{MachineOptions, check_apart, check_writable};
 use crate::say::say;
 use crate::{interrupt, notes, progress};
 use clap::{Args, ValueEnum};
+use relight_core::Space;
 use relight_core::relighter::Picture;
-use relight_core::{Space, Stack};
 use relight_fit::{
     NormalError, NormalMap, NormalMethod, height_bytes, heights_from_normals, normal_error, normal_map,
     normal_map_bytes,
@@ -127,7 +127,6 @@ pub(crate) fn run(arguments: &NormalsArguments) -> Result<(), Failure> {
         },
     )?;
     bar.finish_and_clear();
-    debug_assert_eq!((map.width, map.height), (stack.width(), stack.height()));
     drop(stack);
     let error = truth.as_ref().and_then(|truth| normal_error(&map.normals, truth));
     drop(truth);
