@@ -344,19 +344,20 @@ impl CalibrateArguments {
     }
 
     fn write(&self, lamps: &[Lamp]) -> Result<(), Failure> {
-        let directions: Vec<_> = lamps.iter().map(|lamp| (lamp.name.clone(), lamp.direction)).collect();
-        write_light_file(&self.output, &directions, DIRECTION_DECIMALS)?;
-        say!("{}: {} lights", self.output.display(), lamps.len());
-        let Some(path) = &self.positions else { return Ok(()) };
         let scale = self.scale.unwrap_or(1.0);
         let position = |lamp: &Lamp| Some((lamp.name.clone(), lamp.position?.position.map(|c| scale * c)));
         let positions: Vec<_> = lamps.iter().filter_map(position).collect();
-        if positions.is_empty() {
-            let message = "no lamp has a position: all rays are parallel within 1 degree, so the lamps are far; use the directions";
+        if self.positions.is_some() && positions.is_empty() {
+            let message = "no lamp has a position: all rays are parallel within 1 degree, so the lamps are far; leave --positions out";
             return Err(Failure::new(Exit::BadInput, message));
         }
-        write_light_file(path, &positions, POSITION_DECIMALS)?;
-        say!("{}: {} positions", path.display(), positions.len());
+        let directions: Vec<_> = lamps.iter().map(|lamp| (lamp.name.clone(), lamp.direction)).collect();
+        write_light_file(&self.output, &directions, DIRECTION_DECIMALS)?;
+        say!("{}: {} lights", self.output.display(), lamps.len());
+        if let Some(path) = &self.positions {
+            write_light_file(path, &positions, POSITION_DECIMALS)?;
+            say!("{}: {} positions", path.display(), positions.len());
+        }
         Ok(())
     }
 }

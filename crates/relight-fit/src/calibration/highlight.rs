@@ -31,6 +31,9 @@ const RIM: usize = 2;
 
 /// Finds the brightest spot within `outline`: of the connected pixels above half of the contrast those with the most light.
 ///
+/// Only the part of the sphere that shows what is above the plane z = 0 is searched: around it the sphere shows the plane itself,
+/// which near a lamp can be as bright as its highlight and much larger.
+///
 /// The mean direction of all its pixels, each weighed by its light above the surroundings', is that of the lamp's middle also where
 /// the sphere bends a large lamp to a crescent: seen from far a mirror sphere shows equal solid angles in equal areas.
 ///
@@ -49,9 +52,11 @@ pub fn find_highlight(
     let reach = SEARCHED * outline.radius;
     let inside: Vec<bool> = (0..count)
         .map(|at| {
-            let [x, y] = middle(at);
-            let (x, y) = (x - outline.x, y - outline.y);
-            x * x + y * y <= reach * reach
+            let place = middle(at);
+            let (x, y) = (place[0] - outline.x, place[1] - outline.y);
+            let ray =
+                if x * x + y * y <= reach * reach { sphere.reflection(place, size, viewer) } else { None };
+            ray.is_some_and(|ray| ray.direction[2] > 0.0)
         })
         .collect();
     let disc = || (0..count).filter(|&at| inside[at]);

@@ -39,8 +39,11 @@ const ROUNDS: usize = 4;
 /// The part of the radius that is searched inwards and outwards of a proposed circle.
 const SEARCHED: f64 = 0.15;
 
-/// Of circles about the same middle the largest is the outline, if its support is no less than this part of the best.
-const AS_GOOD: f64 = 0.9;
+/// The same for circles about a middle that is known.
+const NARROW: f64 = 0.025;
+
+/// Support of a larger circle about the middle of one that is trusted; by chance edges so near each other make 0.4.
+const OUTER_SUPPORT: f64 = 0.6;
 
 /// Finds circles with an edge around at least [`LEAST_SUPPORT`] of them that don't overlap, those of most support first.
 ///
@@ -50,30 +53,45 @@ pub fn find_outlines(picture: &LuminancePicture) -> Vec<FoundOutline> {
     let values: Vec<f32> = picture.values.iter().map(|value| value.max(0.0).sqrt()).collect();
     let tones = Tones { width: picture.width, height: picture.height(), values };
     let factor = tones.width.max(tones.height).div_ceil(PROPOSING).max(1);
+    let reach = |radius: f64| (SEARCHED * radius).max(2.0 * factor as f64 + 2.0);
     let mut found: Vec<FoundOutline> = proposals(&tones.reduced(factor))
         .into_iter()
-        .filter_map(|circle| measured(&tones, circle.map(|length| length * factor as f64), factor as f64))
+        .map(|circle| circle.map(|length| length * factor as f64))
+        .filter_map(|circle| measured(&tones, circle, reach(circle[2])))
         .filter(|found| found.support >= LEAST_SUPPORT)
         .collect();
     found.sort_by(|a, b| b.support.total_cmp(&a.support));
     let mut kept: Vec<FoundOutline> = Vec::new();
     for candidate in found {
-        let overlaps = |other: &&mut FoundOutline| {
-            let (a, b) = (&other.outline, &candidate.outline);
+        let outermost = outermost(&tones, candidate);
+        let overlaps = |other: &FoundOutline| {
+            let (a, b) = (&other.outline, &outermost.outline);
             let (x, y, reach) = (a.x - b.x, a.y - b.y, a.radius + b.radius);
             x * x + y * y < reach * reach
         };
-        match kept.iter_mut().find(overlaps) {
-            None => kept.push(candidate),
-            Some(other) => {
-                let larger = candidate.outline.radius > 1.02 * other.outline.radius;
-                if larger && candidate.support >= AS_GOOD * other.support {
-                    *other = candidate;
-                }
-            }
+        if !kept.iter().any(overlaps) {
+            kept.push(outermost);
         }
     }
     kept
+}
+
+/// The largest circle about the middle of `found` that is seen along [`OUTER_SUPPORT`] of it: a sphere on a table shows the table's
+/// horizon as a sharper circle than its rim, at 0.71 of its radius.
+fn outermost(tones: &Tones, found: FoundOutline) -> FoundOutline {
+    let SphereOutline { x, y, radius, .. } = found.outline;
+    let (steps, mut best) = (60, found);
+    for step in (1..=steps).rev() {
+        let larger = radius * (1.05 + 0.75 * f64::from(step) / f64::from(steps));
+        let Some(outer) = measured(tones, [x, y, larger], (NARROW * larger).max(2.5)) else { continue };
+        let moved = (outer.outline.x - x).abs().max((outer.outline.y - y).abs());
+        let is_outer = moved <= 0.05 * radius && outer.outline.radius > 1.04 * radius;
+        if is_outer && outer.support >= OUTER_SUPPORT {
+            best = FoundOutline { support: found.support, ..outer };
+            break;
+        }
+    }
+    best
 }
 
 /// A picture of tones.
@@ -200,14 +218,13 @@ fn proposals(tones: &Tones) -> Vec<[f64; 3]> {
     chosen
 }
 
-/// Fits a circle to the edge about a proposed one; `None` where there is none. `coarse` is the size in pixels of one of those
-/// that proposed it.
-fn measured(tones: &Tones, [mut x, mut y, mut radius]: [f64; 3], coarse: f64) -> Option<FoundOutline> {
+/// Fits a circle to the edge within `reach` pixels of a proposed one; `None` where there is none.
+fn measured(tones: &Tones, [mut x, mut y, mut radius]: [f64; 3], reach: f64) -> Option<FoundOutline> {
     let mut support = 0.0;
     for round in 0..ROUNDS {
         let reach = match round {
-            0 => (SEARCHED * radius).max(2.0 * coarse + 2.0),
-            _ => (0.5 * SEARCHED * radius).max(3.0),
+            0 => reach,
+            _ => (0.5 * reach).max(2.5),
         };
         let edge: Vec<[f64; 2]> =
             (0..RAYS).filter_map(|ray| edge_along(tones, [x, y], radius, reach, ray)).collect();

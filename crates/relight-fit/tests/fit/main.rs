@@ -4,6 +4,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a helper fails as its test does")]
 
+mod calibration;
 mod determinism;
 mod hard_lights;
 mod hard_pictures;
