@@ -11,9 +11,9 @@ use scene::relight;
 use std::fs;
 use std::path::Path;
 
-const SIZE: (usize, usize) = (640, 480);
+const SIZE: (usize, usize) = (960, 720);
 
-/// Rays across and down a pixel.
+/// Rays across and down a pixel of a sphere.
 const FINE: usize = 4;
 
 /// Radiance of a lamp: its highlight is clipped at a little more than half of it.
@@ -26,7 +26,7 @@ type Sphere = [f64; 3];
 enum Lamp {
     /// A disc of 2 degrees' radius.
     Far([f64; 3]),
-    /// A ball of 30 pixels' radius.
+    /// A ball of 45 pixels' radius.
     Near([f64; 3]),
     Off,
 }
@@ -80,7 +80,7 @@ impl Room {
         let room = 0.02 + 0.03 * (0.5 + 0.5 * direction[0]);
         let lit = match lamp {
             Lamp::Far(to) => dot(direction, to) > libm::cos(2.0f64.to_radians()),
-            Lamp::Near(at) => meets(origin, direction, at, 30.0).is_some(),
+            Lamp::Near(at) => meets(origin, direction, at, 45.0).is_some(),
             Lamp::Off => false,
         };
         if lit { LAMP } else { room }
@@ -92,7 +92,7 @@ impl Room {
             Lamp::Far(to) => (to, 0.8),
             Lamp::Near(lamp) => {
                 let way = difference(lamp, at);
-                (unit(way).unwrap(), (500.0 / length(way)).powi(2))
+                (unit(way).unwrap(), (750.0 / length(way)).powi(2))
             }
             Lamp::Off => return 0.05 * stain,
         };
@@ -104,13 +104,23 @@ impl Room {
     fn photograph(&self, path: &Path, lamp: Lamp) {
         let mut seed = 0x2545_f491_4f6c_dd1du64;
         let picture = image::RgbImage::from_fn(SIZE.0 as u32, SIZE.1 as u32, |column, row| {
+            let at = |right: f64, down: f64| {
+                self.ray(
+                    f64::from(column) + right - 0.5 * SIZE.0 as f64,
+                    0.5 * SIZE.1 as f64 - f64::from(row) - down,
+                )
+            };
+            let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
+            let is_mirror = corners.iter().any(|&(right, down)| {
+                let (origin, direction) = at(right, down);
+                self.first_hit(origin, direction).is_some()
+            });
+            let fine = if is_mirror { FINE } else { 1 };
             let mut sum = 0.0;
-            for ray in 0..FINE * FINE {
-                let part = |at: usize| (at as f64 + 0.5) / FINE as f64;
-                let x = f64::from(column) + part(ray % FINE) - 0.5 * SIZE.0 as f64;
-                let y = 0.5 * SIZE.1 as f64 - f64::from(row) - part(ray / FINE);
-                let (origin, direction) = self.ray(x, y);
-                sum += self.seen(origin, direction, lamp, 0) / (FINE * FINE) as f64;
+            for ray in 0..fine * fine {
+                let part = |at: usize| (at as f64 + 0.5) / fine as f64;
+                let (origin, direction) = at(part(ray % fine), part(ray / fine));
+                sum += self.seen(origin, direction, lamp, 0) / (fine * fine) as f64;
             }
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             let noise = 0.006 * ((seed >> 33) as f64 / f64::from(u32::MAX / 2) - 1.0);
@@ -161,10 +171,10 @@ impl Room {
     }
 }
 
-/// Directions all around, from 75 degrees above the plane down to 12.
-fn directions(count: usize) -> Vec<[f64; 3]> {
+/// Directions all around, from 75 degrees above the plane down to the lowest.
+fn directions(count: usize, lowest_deg: f64) -> Vec<[f64; 3]> {
     let direction = |i: usize| {
-        let elevation = (75.0 - 63.0 * i as f64 / (count - 1) as f64).to_radians();
+        let elevation = (75.0 - (75.0 - lowest_deg) * i as f64 / (count - 1) as f64).to_radians();
         let (sine, cosine) = libm::sincos(2.4 * i as f64 + 0.3);
         [libm::cos(elevation) * cosine, libm::cos(elevation) * sine, libm::sin(elevation)]
     };
@@ -196,15 +206,15 @@ fn worst_deg(found: &[[f64; 3]], expected: &[[f64; 3]]) -> f64 {
 
 #[test]
 fn far_lamps_are_found_to_three_tenths_of_a_degree() {
-    let directions = directions(10);
+    let directions = directions(10, 12.0);
     for (what, eye, fov) in [
         ("orthographic", None, String::new()),
-        ("perspective", Some(900.0), {
-            format!(" --fov {:.6}", 2.0 * libm::atan(320.0f64 / 900.0).to_degrees())
+        ("perspective", Some(1350.0), {
+            format!(" --fov {:.6}", 2.0 * libm::atan(480.0f64 / 1350.0).to_degrees())
         }),
     ] {
         let folder = tempfile::tempdir().unwrap();
-        let room = Room { spheres: vec![[-153.3, 41.7, 92.6]], eye };
+        let room = Room { spheres: vec![[-230.3, 62.7, 138.6]], eye };
         let lamps: Vec<Lamp> = directions.iter().map(|d| Lamp::Far(*d)).collect();
         room.photographs(folder.path(), &lamps);
         let option = room.option(room.spheres[0]);
@@ -215,13 +225,14 @@ fn far_lamps_are_found_to_three_tenths_of_a_degree() {
         if eye.is_some() {
             // Taken for orthographic the same pictures say something else.
             relight(folder.path(), &format!("calibrate set {option} -o b.lp")).ok();
-            let wrong = worst_deg(&vectors(&folder.path().join("b.lp")), &directions);
+            let found = vectors(&folder.path().join("b.lp"));
+            let wrong = worst_deg(&found, &directions[..found.len()]);
             assert!(wrong > 2.0, "{wrong}");
             continue;
         }
         // Looking for the sphere gives the same.
         let run = relight(folder.path(), "calibrate set --sphere auto -o c.lp").ok();
-        assert!(run.stdout.contains("sphere found at 166."), "{}", run.stdout);
+        assert!(run.stdout.contains("sphere found at 249."), "{}", run.stdout);
         let worst = worst_deg(&vectors(&folder.path().join("c.lp")), &directions);
         println!("auto: worst {worst:.3} deg, {}", run.stdout.lines().next().unwrap());
         assert!(worst < 1.0, "{worst}");
@@ -234,11 +245,14 @@ fn far_lamps_are_found_to_three_tenths_of_a_degree() {
 
 #[test]
 fn near_lamps_are_found_to_a_hundredth_of_their_distance() {
-    let places: Vec<[f64; 3]> = directions(6).iter().map(|d| scaled(*d, 900.0 + 300.0 * d[0])).collect();
-    for (what, eye, fov) in [("orthographic", None, ""), ("perspective", Some(1500.0), " --fov 24.0850")] {
+    let places: Vec<[f64; 3]> =
+        directions(6, 22.0).iter().map(|d| scaled(*d, 1150.0 + 250.0 * d[0])).collect();
+    for (what, eye, fov) in [("orthographic", None, ""), ("perspective", Some(2250.0), " --fov 24.0850")] {
         let folder = tempfile::tempdir().unwrap();
-        let room =
-            Room { spheres: vec![[-221.2, 140.7, 88.3], [215.4, -131.1, 92.7], [-210.5, -135.2, 84.4]], eye };
+        let room = Room {
+            spheres: vec![[-331.2, 210.7, 132.3], [323.4, -196.1, 138.7], [-315.5, -203.2, 126.4]],
+            eye,
+        };
         let lamps: Vec<Lamp> = places.iter().map(|p| Lamp::Near(*p)).collect();
         room.photographs(folder.path(), &lamps);
         let options: Vec<String> = room.spheres.iter().map(|sphere| room.option(*sphere)).collect();
@@ -265,8 +279,8 @@ fn near_lamps_are_found_to_a_hundredth_of_their_distance() {
 #[test]
 fn dark_pictures_are_left_out_and_what_is_no_sphere_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let room = Room { spheres: vec![[-60.3, 21.2, 85.1]], eye: None };
-    let directions = directions(4);
+    let room = Room { spheres: vec![[-90.3, 31.2, 128.1]], eye: None };
+    let directions = directions(4, 30.0);
     let mut lamps: Vec<Lamp> = directions.iter().map(|d| Lamp::Far(*d)).collect();
     lamps.push(Lamp::Off);
     room.photographs(folder.path(), &lamps);
@@ -280,10 +294,10 @@ fn dark_pictures_are_left_out_and_what_is_no_sphere_is_refused() {
     relight(folder.path(), &two).assert_refused(3, &["no lamp has a position"]);
     relight(folder.path(), &format!("calibrate set {option} -o b.lp --positions p.txt"))
         .assert_refused(2, &["two or more spheres"]);
-    relight(folder.path(), "calibrate set --sphere 560,60,50 -o b.lp")
+    relight(folder.path(), "calibrate set --sphere 860,60,50 -o b.lp")
         .assert_refused(3, &["no picture", "--sphere"]);
     for (sphere, words) in [
-        ("900,20,30", "outside the pictures"),
+        ("970,20,30", "outside the pictures"),
         ("100,20,0.5", "radius of 0.5"),
         ("1,2", "write auto"),
         ("1,2,x", "write auto"),
@@ -291,7 +305,7 @@ fn dark_pictures_are_left_out_and_what_is_no_sphere_is_refused() {
         relight(folder.path(), &format!("calibrate set --sphere {sphere} -o b.lp"))
             .assert_refused(2, &[words]);
     }
-    relight(folder.path(), "calibrate set --sphere 320,240,230 --fov 120 -o b.lp")
+    relight(folder.path(), "calibrate set --sphere 480,360,350 --fov 120 -o b.lp")
         .assert_refused(2, &["--fov"]);
     relight(folder.path(), &format!("calibrate nowhere {option} -o b.lp")).assert_refused(4, &["nowhere"]);
     relight(folder.path(), &format!("calibrate set {option} -o set/p1.png"))

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 pub struct FoundOutline {
     /// The circle.
     pub outline: SphereOutline,
-    /// The part of the circle, 0..1, along which an edge lies within a hundredth of the radius (at least a pixel).
+    /// The part of the circle, 0..1, along which an edge lies within 0.006 of the radius (at least a pixel).
     pub support: f64,
 }
 
@@ -40,9 +40,12 @@ const ROUNDS: usize = 4;
 const SEARCHED: f64 = 0.15;
 
 /// The same for circles about a middle that is known.
-const NARROW: f64 = 0.025;
+const NARROW: f64 = 0.035;
 
-/// Support of a larger circle about the middle of one that is trusted; by chance edges so near each other make 0.4.
+/// The part of the radius by which an edge may be off the circle; perspective makes ellipses of that order.
+const ROUND: f64 = 0.006;
+
+/// Support of a larger circle about the middle of one that is trusted; by chance edges make 0.3.
 const OUTER_SUPPORT: f64 = 0.6;
 
 /// Finds circles with an edge around at least [`LEAST_SUPPORT`] of them that don't overlap, those of most support first.
@@ -83,7 +86,7 @@ fn outermost(tones: &Tones, found: FoundOutline) -> FoundOutline {
     let (steps, mut best) = (60, found);
     for step in (1..=steps).rev() {
         let larger = radius * (1.05 + 0.75 * f64::from(step) / f64::from(steps));
-        let Some(outer) = measured(tones, [x, y, larger], (NARROW * larger).max(2.5)) else { continue };
+        let Some(outer) = measured(tones, [x, y, larger], (NARROW * larger).max(3.5)) else { continue };
         let moved = (outer.outline.x - x).abs().max((outer.outline.y - y).abs());
         let is_outer = moved <= 0.05 * radius && outer.outline.radius > 1.04 * radius;
         if is_outer && outer.support >= OUTER_SUPPORT {
@@ -224,14 +227,14 @@ fn measured(tones: &Tones, [mut x, mut y, mut radius]: [f64; 3], reach: f64) -> 
     for round in 0..ROUNDS {
         let reach = match round {
             0 => reach,
-            _ => (0.5 * reach).max(2.5),
+            _ => (0.5 * reach).max(3.5),
         };
         let edge: Vec<[f64; 2]> =
             (0..RAYS).filter_map(|ray| edge_along(tones, [x, y], radius, reach, ray)).collect();
         if edge.len() < RAYS / 2 {
             return None;
         }
-        let allowed = (0.01 * radius).max(1.0);
+        let allowed = (ROUND * radius).max(1.0);
         let mut kept = edge.clone();
         for _ in 0..ROUNDS {
             [x, y, radius] = circle_through(&kept)?;
