@@ -42,6 +42,9 @@ const MOST_STEPS: usize = 12;
 /// Steps of reweighting.
 const MOST_REWEIGHTINGS: usize = 15;
 
+/// A step that moves a normal by less, in radians, is the last: 0.0006 degrees.
+const SETTLED: f64 = 1e-5;
+
 /// Deviations beyond this many standard deviations don't count. Tukey's 4.685 lets penumbras in: 1.66 degrees on
 /// relief256 where 2.5 gives 1.12.
 const TUKEY: f64 = 2.5;
@@ -245,7 +248,7 @@ impl PhotometricStereo {
             };
             let moved = (0..3).map(|c| (next[c] - vector[c]).abs()).fold(0.0, f64::max);
             vector = next;
-            if moved <= 1e-7 * length(vector) {
+            if moved <= SETTLED * length(vector) {
                 break;
             }
         }

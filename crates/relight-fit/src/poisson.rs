@@ -89,8 +89,7 @@ pub(crate) fn solve<E>(differences: Differences, check: impl Fn() -> Result<(), 
         if before.is_none() {
             first = product;
         }
-        // Not (a <= b), so that NaN ends it too.
-        if !(product > EXACT * EXACT * first) {
+        if product.is_nan() || product <= EXACT * EXACT * first {
             break;
         }
         let keep = before.map_or(0.0, |before| product / before);

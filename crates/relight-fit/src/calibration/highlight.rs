@@ -63,7 +63,7 @@ pub fn find_highlight(
     let median = median_of(disc().map(|at| picture.values[at]).collect())?;
     let peak = disc().map(|at| picture.values[at]).fold(f32::NEG_INFINITY, f32::max);
     let contrast = f64::from(peak) - f64::from(median);
-    if !(contrast > 0.0 && f64::from(peak) >= LEAST_RATIO * f64::from(median)) {
+    if contrast <= 0.0 || f64::from(peak) < LEAST_RATIO * f64::from(median) {
         return None;
     }
     let threshold = median + 0.5 * (peak - median);
@@ -96,7 +96,7 @@ pub fn find_highlight(
             at_sum[c] += weight * place[c];
         }
     }
-    if !(total > 0.0) {
+    if total.is_nan() || total <= 0.0 {
         return None;
     }
     let ray = Ray { origin: origin.map(|c| c / total), direction: unit(direction)? };

@@ -46,7 +46,7 @@ pub fn position_of(rays: &[Ray]) -> Option<LampPosition> {
         position = nearest_point(rays, &weights)?;
         for (weight, ray) in weights.iter_mut().zip(rays) {
             let way = dot(difference(position, ray.origin), ray.direction);
-            if !(way > 0.0) {
+            if way.is_nan() || way <= 0.0 {
                 return None;
             }
             *weight = 1.0 / (way * way);

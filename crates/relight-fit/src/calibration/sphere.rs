@@ -158,7 +158,7 @@ impl MirrorSphere {
         let from_centre = difference(eye, self.centre);
         let nearest = -dot(from_centre, view);
         let reach = nearest * nearest - dot(from_centre, from_centre) + self.radius * self.radius;
-        if !(reach >= 0.0) {
+        if reach.is_nan() || reach < 0.0 {
             return None;
         }
         let way = nearest - reach.sqrt();

@@ -61,7 +61,7 @@ fn a_sphere_in_perspective_has_the_outline_it_was_made_from() {
     let ((left, right), (bottom, top)) = (bounds(0), bounds(1));
     let middle = [0.5 * (left + right) + 200.0, 150.0 - 0.5 * (bottom + top)];
     assert!((middle[0] - given.x).abs() < 1e-3 && (middle[1] - given.y).abs() < 1e-3, "{middle:?}");
-    let from_middle = |p: &[f64; 2]| (p[0] + 200.0 - given.x).hypot(150.0 - p[1] - given.y);
+    let from_middle = |p: &[f64; 2]| libm::hypot(p[0] + 200.0 - given.x, 150.0 - p[1] - given.y);
     let axes = points.iter().map(from_middle);
     let (least, most) = axes.fold((f64::INFINITY, 0.0f64), |(a, b), r| (a.min(r), b.max(r)));
     assert!(most / least > 1.01, "the outline must be an ellipse: {least} {most}");
@@ -122,7 +122,8 @@ fn rays_meet_at_the_lamp() {
 fn picture(disc: [f64; 3], spots: &[[f64; 4]]) -> LuminancePicture {
     let value = |at: usize| {
         let (x, y) = ((at % SIZE.0) as f64 + 0.5, (at / SIZE.0) as f64 + 0.5);
-        let covered = |[cx, cy, radius]: [f64; 3]| (radius + 0.5 - (x - cx).hypot(y - cy)).clamp(0.0, 1.0);
+        let covered =
+            |[cx, cy, radius]: [f64; 3]| (radius + 0.5 - libm::hypot(x - cx, y - cy)).clamp(0.0, 1.0);
         let ground = 0.3 + 0.05 * random(at, 1);
         let dark = ground + covered(disc) * (0.02 - ground);
         let lit = spots.iter().map(|&[x, y, r, value]| value * covered([x, y, r])).fold(0.0, f64::max);
@@ -157,7 +158,7 @@ fn outlines_of_spheres_are_found_and_others_are_not() {
     assert_eq!(found.len(), 2);
     for [x, y, radius] in [[170.3, 140.8, 60.2], [330.0, 80.0, 21.5]] {
         let near = |found: &SphereOutline| {
-            (found.x - x).hypot(found.y - y) < 0.2 && (found.radius - radius).abs() < 0.3
+            libm::hypot(found.x - x, found.y - y) < 0.2 && (found.radius - radius).abs() < 0.3
         };
         assert!(found.iter().any(|found| near(&found.outline) && found.support > 0.95), "{x}: {found:?}");
     }
