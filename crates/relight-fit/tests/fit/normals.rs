@@ -187,3 +187,28 @@ fn heights_of_slants_and_hills_come_back() {
     let error = height_error((90, 80), slant, |x, y| (30..40).contains(&x) && (20..50).contains(&y));
     assert!(error < 0.05, "{error}");
 }
+
+#[test]
+fn heights_take_no_more_iterations_for_larger_pictures() {
+    let iterations = |side: usize, hole: usize| {
+        let normal = |at: usize| {
+            let (x, y) = ((at % side) as f64, (at / side) as f64);
+            unit([0.6 * libm::sin(0.05 * x + 0.3), 0.4 * random(at, 7) + 0.002 * y, 1.0])
+                .unwrap()
+                .map(|c| c as f32)
+        };
+        let found = (0..side * side).map(|at| at % side >= hole || at / side >= hole).collect();
+        let normals = (0..side * side).map(normal).collect();
+        let map = NormalMap { width: side, height: side, channels: 1, normals, albedo: Vec::new(), found };
+        let count = std::cell::Cell::new(0);
+        let counted = || {
+            count.set(count.get() + 1);
+            Ok::<(), FitError>(())
+        };
+        heights_from_normals(&map, counted).unwrap();
+        count.get()
+    };
+    let counts = [(40, 0), (640, 0), (640, 300)].map(|(side, hole)| iterations(side, hole));
+    println!("{counts:?} iterations");
+    assert!(counts[1] < 16 && counts[2] < 32, "{counts:?}");
+}
