@@ -112,7 +112,9 @@ impl From<FitError> for Failure {
     fn from(error: FitError) -> Self {
         let exit = match error {
             FitError::Stack(_) => Exit::InputOutput,
-            FitError::NoLights => Exit::BadInput,
+            FitError::NoLights | FitError::TooFewForNormals { .. } | FitError::CoplanarLights { .. } => {
+                Exit::BadInput
+            }
             FitError::OutOfReach { .. } => Exit::CheckFailed,
             _ => Exit::Usage,
         };

@@ -4,6 +4,7 @@
 //! [`failure::Exit`].
 
 mod bake;
+mod calibrate;
 mod evaluate;
 mod failure;
 mod holdout;
@@ -12,6 +13,7 @@ mod interrupt;
 mod job;
 mod light_options;
 mod lights;
+mod normals;
 mod notes;
 mod options;
 mod positions;
@@ -49,6 +51,10 @@ enum Command {
     Evaluate(evaluate::EvaluateArguments),
     /// Examine a capture before baking it: coverage, duplicates, exposure, usable bases
     Lights(lights::LightsArguments),
+    /// Find the directions of lights, and positions of near ones, from highlights on chrome spheres
+    Calibrate(calibrate::CalibrateArguments),
+    /// Find normals, albedo and height of a surface from pictures under known lights
+    Normals(normals::NormalsArguments),
     /// Write a shader include that lights an asset, in WGSL, GLSL or HLSL
     Shader(shader::ShaderArguments),
     /// Draw an asset on the GPU and compare with the CPU's pictures
@@ -81,6 +87,8 @@ fn main() -> ExitCode {
         Command::View(arguments) => view::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Lights(arguments) => lights::run(&arguments),
+        Command::Calibrate(arguments) => calibrate::run(&arguments),
+        Command::Normals(arguments) => normals::run(&arguments),
         Command::Shader(arguments) => shader::run(&arguments),
         #[cfg(feature = "gpu")]
         Command::Verify(arguments) => verify::run(&arguments),

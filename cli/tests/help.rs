@@ -7,8 +7,20 @@ mod scene;
 use scene::relight;
 use std::path::Path;
 
-const SUBCOMMANDS: [&str; 10] =
-    ["bake", "render", "view", "evaluate", "lights", "shader", "positions", "info", "verify", "preview"];
+const SUBCOMMANDS: [&str; 12] = [
+    "bake",
+    "render",
+    "view",
+    "evaluate",
+    "lights",
+    "calibrate",
+    "normals",
+    "shader",
+    "positions",
+    "info",
+    "verify",
+    "preview",
+];
 
 #[test]
 fn help_names_every_subcommand_and_exit_code() {
@@ -30,6 +42,8 @@ fn every_subcommand_explains_its_options() {
         ("view", &["--view <YAW,PITCH,FOV>", "--mesh <FILE>", "--latitude", "--space", "--albedo"]),
         ("evaluate", &["<ASSET>", "<SET>", "--json", "--heatmap"]),
         ("lights", &["<SET>", "--plot"]),
+        ("calibrate", &["<FOLDER>", "--sphere <X,Y,R[,Z]|auto>", "--fov", "--positions", "--scale"]),
+        ("normals", &["<SET>", "--albedo", "--height", "--method", "--flip-y", "--truth", "--json"]),
         ("positions", &["--depth <FILE>", "--camera <FILE>", "--depth-kind", "--depth-channel", "--output"]),
         ("info", &["<FILE>", "--json"]),
         ("shader", &["<ASSET>", "--lang", "--output", "--maps-per-pass"]),

@@ -10,6 +10,7 @@ mod exr_channels;
 pub mod light_file;
 mod machine;
 pub mod mesh;
+mod normal_file;
 mod output_file;
 pub mod picture;
 mod picture_output;
@@ -28,9 +29,13 @@ pub use capture_folder::{OpenCapture, open_capture};
 pub use depth_file::read_depth_file;
 pub use describe::describe;
 pub use error::FormatError;
-pub use light_file::{Capture, LightFile, light_file_in, match_pictures, read_light_file, unmatched};
+pub use light_file::{
+    Capture, LightFile, light_file_in, match_pictures, pictures_in, read_light_file, unmatched,
+    write_light_file,
+};
 pub use machine::{create_folder, machine_memory, place_of, read_text};
 pub use mesh::read_mesh;
+pub use normal_file::{NormalPicture, read_normal_file, write_normal_file};
 pub use output_file::{OutputFile, write_whole};
 pub use picture::{DecodedPicture, PictureInfo, SampleType, Samples, decode, probe};
 pub use picture_output::{PictureDepth, picture_depths, write_picture};

@@ -5,8 +5,10 @@
 //! never the order of lines alone.
 
 mod matching;
+mod writing;
 
 pub use matching::{Capture, Unmatched, match_pictures, unmatched};
+pub use writing::{pictures_in, write_light_file};
 
 use crate::FormatError;
 use relight_core::{Direction, DirectionError};

@@ -352,7 +352,9 @@ fn split(
     Ok((all.select(&kept), Some(judge)))
 }
 
-fn load(
+/// Decodes the pictures of `capture` within the machine's memory less `kept_back`; what doesn't fit goes to a temporary file
+/// beside `output`.
+pub(crate) fn load(
     capture: &OpenCapture,
     space: Space,
     machine: &Machine,

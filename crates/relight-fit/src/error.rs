@@ -25,6 +25,16 @@ pub enum FitError {
         /// .. reach this.
         best: f64,
     },
+    /// Fewer than 3 lights can't tell a normal.
+    TooFewForNormals {
+        /// How many there are.
+        lights: usize,
+    },
+    /// Lights in one plane leave a normal's part across it open.
+    CoplanarLights {
+        /// How many there are.
+        lights: usize,
+    },
     /// Functions that can't be stored.
     Basis(BasisError),
     /// The pictures could not be read back.
@@ -46,6 +56,15 @@ impl fmt::Display for FitError {
                 "{planes} planes reach {best:.2} dB on lights predicted from the others, not {target}; allow more \
                  planes or lower --target-psnr"
             ),
+            Self::TooFewForNormals { lights } => {
+                write!(f, "normals need at least 3 lights; the light set has {lights}, so take more pictures")
+            }
+            Self::CoplanarLights { lights } => {
+                write!(
+                    f,
+                    "the {lights} lights lie in one plane through the surface, which leaves normals open; add a picture lit from outside it"
+                )
+            }
             Self::Basis(error) => write!(f, "{error}"),
             Self::Stack(error) => write!(f, "{error}"),
         }

@@ -3,14 +3,19 @@
 //! One small matrix, found once by singular values in f64, turns the values of a pixel under all
 //! lights into its coefficients; the pictures are rebinned tile by tile so that each is read once.
 
+pub mod calibration;
 mod continuation;
 mod decomposition;
 mod error;
+mod height;
 mod interpolation;
 mod learned;
 mod least_squares;
 mod leave_one_out;
 mod misfit;
+mod normals;
+mod photometric_stereo;
+mod poisson;
 mod principal;
 mod rebin;
 mod sample;
@@ -19,10 +24,13 @@ mod usable;
 
 pub use decomposition::{Decomposition, LightWeights, RANK_TOLERANCE};
 pub use error::FitError;
+pub use height::{height_bytes, heights_from_normals};
 pub use learned::{LearnedDesign, LearnedFit};
 pub use least_squares::{LeastSquares, Ridge};
 pub use leave_one_out::LeaveOneOut;
 pub use misfit::{Misfit, misfits};
+pub use normals::{NormalError, NormalMap, normal_error, normal_map, normal_map_bytes};
+pub use photometric_stereo::{COPLANAR, NormalMethod, PhotometricStereo, SurfaceNormal};
 pub use rebin::{
     PixelFit, SPAN, coefficient_distributions, coefficient_sample, fit_map, for_each_span, span_bytes,
 };

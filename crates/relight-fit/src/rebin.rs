@@ -18,7 +18,7 @@ pub const SPAN: usize = 8192;
 const TILE_BYTES: usize = 384 << 10;
 
 /// Pixels of a tile: what fits [`TILE_BYTES`], a multiple of 16 samples for the kernel's lanes.
-fn tile_pixels(lights: usize, channels: usize) -> usize {
+pub(crate) fn tile_pixels(lights: usize, channels: usize) -> usize {
     let pixels = TILE_BYTES / (4 * lights.max(1) * channels);
     (pixels / 16 * 16).clamp(16, SPAN)
 }

@@ -4,10 +4,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a helper fails as its test does")]
 
+mod calibration;
 mod determinism;
 mod hard_lights;
 mod hard_pictures;
 mod learned;
 mod leave_one_out;
+mod normals;
 mod pictures;
 mod recovery;
