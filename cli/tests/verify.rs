@@ -41,6 +41,7 @@ fn every_way_of_storing_passes_in_both_modes() {
         ("a.ktx2", "--basis hsh -k 9 --block bc7 --quality fast --mips"),
         ("a.ktx2", "--basis ptm --color lrgb --block bc4"),
         ("a.ktx2", "--basis srbf -k 8 --precision f16 --zstd"),
+        ("a.ktx2", "--basis pca -k 5 --block bc7 --quality fast --mips"),
         ("a.dds", "--basis ptm --block bc1 --quality fast"),
         ("a.exr", "--basis ptm --precision f32"),
     ] {

@@ -79,6 +79,8 @@ fn the_other_bases_and_layouts() {
         ("srbf", 25, Layout::Rgb),
         ("srbf", 7, Layout::Lrgb),
         ("sh", 9, Layout::Grey),
+        ("color", 10, Layout::Shared),
+        ("grey", 5, Layout::Shared),
     ] {
         for format in
             [CODES, TexelFormat::Block(BlockFormat::Bc3), TexelFormat::Block(BlockFormat::Bc5Signed)]

@@ -1,8 +1,9 @@
 //! Lopsided assets: a value of its own in every plane and pixel, in any format.
 
 use half::f16;
-use relight_core::sphere::{Cap, fibonacci_in};
-use relight_core::{Design, Direction, Family, Layout, LightSet, Model, Space};
+use relight_core::basis::Learned;
+use relight_core::sphere::{Cap, Octahedral, fibonacci_in};
+use relight_core::{Basis, Design, Direction, Family, Layout, LightSet, Model, Space};
 use relight_gpu::{Backend, Gpu, GpuError};
 use relight_texture::{
     ArrayPlan, BlockCoding, LayerPlan, PackedMaps, Packing, Precision, Quantizer, TexelDomain, TexelFormat,
@@ -31,8 +32,19 @@ pub(crate) fn lights(count: usize) -> Vec<Direction> {
 
 pub(crate) fn model(family: &str, count: usize, layout: Layout) -> Model {
     let lights = LightSet::from_directions(lights(40));
-    let basis = Family::by_name(family).unwrap().build(&Design::new(count, &lights)).unwrap();
+    let basis = match layout {
+        Layout::Shared => Basis::Learned(learned(count, family != "grey")),
+        _ => Family::by_name(family).unwrap().build(&Design::new(count, &lights)).unwrap(),
+    };
     Model { basis, layout, space: Space::Encoded, lights: Vec::new(), figures: None }
+}
+
+/// Learned functions of `planes` planes with a value of its own in every place of the table.
+fn learned(planes: usize, color: bool) -> Learned {
+    let square = Octahedral { nodes: 6, hemisphere: color };
+    let count = square.count() * if color { 3 } else { 1 } * (planes + 1);
+    let table = (0..count).map(|i| ((i * 37) % 101) as f32 / 505.0 - 0.05).collect();
+    Learned::new("pca".to_owned(), planes, if color { 3 } else { 1 }, square, table).unwrap()
 }
 
 /// Texels of channel `channel` of layer `layer`: waves of their own, so that neither a swap nor a
