@@ -11,6 +11,7 @@ pub mod light_file;
 mod machine;
 pub mod mesh;
 mod output_file;
+mod output_folder;
 pub mod picture;
 mod picture_output;
 mod position_file;
