@@ -141,7 +141,8 @@ fn planes_in_jpeg_are_the_same_in_little_memory_and_refused_elsewhere() {
     relight_in_least_memory(here, "bake capture -o b.ptm --jpeg-quality 80 -j 3").ok();
     assert!(fs::read(here.join("a.ptm")).unwrap() == fs::read(here.join("b.ptm")).unwrap());
     let names = names_in(here);
-    relight(here, "bake capture -o c.ktx2 --jpeg-quality 80").assert_refused(2, &["no planes in JPEG", ".ptm"]);
+    relight(here, "bake capture -o c.ktx2 --jpeg-quality 80")
+        .assert_refused(2, &["no planes in JPEG", ".ptm"]);
     relight(here, "bake capture -o c.ptm --jpeg-quality 101").assert_refused(2, &["101", "1..=100"]);
     relight(here, "bake capture -o c.rti").assert_refused(2, &["hsh with 4, 9 or 16", "not ptm with 6"]);
     assert_eq!(names_in(here), names);
