@@ -79,7 +79,7 @@ pub(super) fn refusal(model: &Model) -> Option<String> {
     }
     match (below, &model.basis) {
         (Some(light), Basis::Learned(_)) => Some(format!(
-            "web holds functions of light from above the surface, not from below it (z = {}); write .ktx2",
+            "web holds functions of light from above the surface, not from below it (z = {:.3}); write .ktx2",
             light.z()
         )),
         _ => None,
@@ -206,8 +206,10 @@ impl AssetWriter for WebWriter {
         let Held { mut planes, written } = held.into_inner().unwrap_or_else(PoisonError::into_inner);
         check_complete(folder.path(), &header, written)?;
         let AssetHeader { width, height, model, .. } = &header;
-        // Planes that serve all channels have little in common; those of R, G and B have much.
-        let in_common = model.layout != Layout::Shared;
+        // Planes that serve all channels have little in common; those of R, G and B have much. But spherical
+        // harmonics, seen on half the sphere, have coefficients of several times white that cancel one another:
+        // there the conversion's rounding, which differs from decoder to decoder, would show.
+        let in_common = model.layout != Layout::Shared && !matches!(model.basis, Basis::Sh(_));
         let mut of_planes = vec![PlaneErrors::default(); planes.len()];
         for (file, of_file) in planes.chunks_exact_mut(OF_A_FILE).enumerate() {
             let jpeg = encode_planes(of_file, (*width, *height), quality, in_common)
