@@ -17,7 +17,7 @@ use std::sync::Mutex;
 /// What to compare.
 #[derive(Args, Debug)]
 pub(crate) struct EvaluateArguments {
-    /// The asset: .ktx2, .dds, .exr, .ptm or .rti
+    /// The asset: .ktx2, .dds, .exr, .ptm, .rti or a .web folder
     asset: PathBuf,
     /// A .lp file, or a folder that holds one: the lights and their photographs
     set: PathBuf,

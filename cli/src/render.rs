@@ -27,7 +27,7 @@ const EDGE: usize = 2;
 #[derive(Args, Debug)]
 #[group(id = "render")]
 pub(crate) struct RenderArguments {
-    /// The asset: .ktx2, .dds, .exr, .ptm or .rti
+    /// The asset: .ktx2, .dds, .exr, .ptm, .rti or a .web folder
     asset: PathBuf,
     /// The picture to write (.png or .exr), or with --lights and for a sequence the folder
     #[arg(short, long, value_name = "FILE")]

@@ -22,7 +22,7 @@ const LARGEST_SIDE: usize = 16384;
 #[derive(Args, Debug)]
 #[group(id = "view_arguments")]
 pub(crate) struct ViewArguments {
-    /// The asset: .ktx2, .dds, .exr, .ptm or .rti; a panorama, a lightmap or a texture
+    /// The asset: .ktx2, .dds, .exr, .ptm, .rti or a .web folder; a panorama, a lightmap or a texture
     asset: PathBuf,
     /// The picture to write (.png or .exr)
     #[arg(short, long, value_name = "FILE")]

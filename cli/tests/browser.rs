@@ -1,4 +1,5 @@
-//! A BC7 array of ours drawn by WebGL2 in headless Chromium, with our GLSL, beside `relight render`.
+//! Assets of ours drawn in headless Chromium beside `relight render`: a BC7 array by WebGL2 with our GLSL, web
+//! folders by a page that follows the description of their format.
 //!
 //! Without Chromium, or with one that lacks EXT_texture_compression_bptc, it prints that it skips;
 //! `RELIGHT_REQUIRE_CHROMIUM=1` makes that a failure.
@@ -41,6 +42,18 @@ fn skip(reason: &str) {
     println!("skipped: {reason}");
 }
 
+/// Renders `asset` at all lights, and lists them in `lights.json`.
+fn render_lights(asset: &str, folder: &Path) {
+    let mut lights = Vec::new();
+    for (i, direction) in LIGHTS.iter().enumerate() {
+        let [x, y, z] = direction;
+        let name = format!("light{i}.png");
+        relight(&["render", asset, &format!("--light={x},{y},{z}"), "-o", &name], folder);
+        lights.push(json!({ "direction": direction, "picture": name }));
+    }
+    std::fs::write(folder.join("lights.json"), Value::from(lights).to_string()).unwrap();
+}
+
 #[test]
 fn a_bc7_array_in_webgl2_is_the_rendered_picture() {
     let folder = tempfile::tempdir().unwrap();
@@ -66,14 +79,7 @@ fn a_bc7_array_in_webgl2_is_the_rendered_picture() {
         folder,
     );
     relight(&["shader", "asset.ktx2", "--lang", "glsl", "-o", "asset.glsl"], folder);
-    let mut lights = Vec::new();
-    for (i, direction) in LIGHTS.iter().enumerate() {
-        let [x, y, z] = direction;
-        let name = format!("light{i}.png");
-        relight(&["render", "asset.ktx2", &format!("--light={x},{y},{z}"), "-o", &name], folder);
-        lights.push(json!({ "direction": direction, "picture": name }));
-    }
-    std::fs::write(folder.join("lights.json"), Value::from(lights).to_string()).unwrap();
+    render_lights("asset.ktx2", folder);
     std::fs::write(folder.join("page.html"), include_str!("browser/page.html")).unwrap();
     let title = match title_in_chromium(folder) {
         Ok(title) => title,
@@ -87,4 +93,29 @@ fn a_bc7_array_in_webgl2_is_the_rendered_picture() {
     assert_eq!(verdict["lights"], LIGHTS.len(), "{verdict}");
     assert!(verdict["levels"].as_u64().unwrap() > 1, "{verdict}");
     assert!(verdict["worst"].as_u64().unwrap() <= TOLERANCE, "{verdict}");
+}
+
+#[test]
+fn web_folders_in_a_page_that_follows_their_description_are_the_rendered_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let set = Path::new(env!("CARGO_MANIFEST_DIR")).join("../testdata/icon72");
+    let set = set.to_str().unwrap();
+    std::fs::write(folder.join("page.html"), include_str!("browser/web.html")).unwrap();
+    for options in ["ptm -k 6", "ptm -k 6 --color lrgb", "hsh -k 9", "sh -k 9", "pca -k 10"] {
+        let words: Vec<&str> = ["bake", set, "-o", "asset.web", "--jpeg-quality", "80", "--basis"]
+            .into_iter()
+            .chain(options.split(' '))
+            .collect();
+        relight(&words, folder);
+        render_lights("asset.web", folder);
+        let title = match title_in_chromium(folder) {
+            Ok(title) => title,
+            Err(reason) => return skip(&reason),
+        };
+        let verdict: Value = serde_json::from_str(&title).unwrap();
+        println!("{options}: {verdict}");
+        assert_eq!(verdict["lights"], LIGHTS.len(), "{options}: {verdict}");
+        assert!(verdict["worst"].as_u64().unwrap() <= TOLERANCE, "{options}: {verdict}");
+    }
 }

@@ -114,7 +114,7 @@ fn ptm_files_of_all_forms_show_the_same_pictures() {
         relight(here, &format!("bake icon72 -o float.ktx2 --precision f32 --color {color}")).ok();
         let float = picture("float.ktx2");
         for (options, least, share) in
-            [("", 57.0, 1.0), ("--ptm-jpeg 95", 45.0, 0.3), ("--ptm-jpeg 70", 37.0, 0.12)]
+            [("", 57.0, 1.0), ("--jpeg-quality 95", 45.0, 0.3), ("--jpeg-quality 70", 37.0, 0.12)]
         {
             relight(here, &format!("bake icon72 -o a.ptm --color {color} {options}")).ok();
             let (quality, bytes) =
@@ -137,12 +137,13 @@ fn ptm_files_of_all_forms_show_the_same_pictures() {
 fn planes_in_jpeg_are_the_same_in_little_memory_and_refused_elsewhere() {
     let folder = made(20);
     let here = folder.path();
-    relight(here, "bake capture -o a.ptm --ptm-jpeg 80 -j 1").ok();
-    relight_in_least_memory(here, "bake capture -o b.ptm --ptm-jpeg 80 -j 3").ok();
+    relight(here, "bake capture -o a.ptm --jpeg-quality 80 -j 1").ok();
+    relight_in_least_memory(here, "bake capture -o b.ptm --jpeg-quality 80 -j 3").ok();
     assert!(fs::read(here.join("a.ptm")).unwrap() == fs::read(here.join("b.ptm")).unwrap());
     let names = names_in(here);
-    relight(here, "bake capture -o c.ktx2 --ptm-jpeg 80").assert_refused(2, &["no planes in JPEG", ".ptm"]);
-    relight(here, "bake capture -o c.ptm --ptm-jpeg 101").assert_refused(2, &["101", "1..=100"]);
+    relight(here, "bake capture -o c.ktx2 --jpeg-quality 80")
+        .assert_refused(2, &["no planes in JPEG", ".ptm"]);
+    relight(here, "bake capture -o c.ptm --jpeg-quality 101").assert_refused(2, &["101", "1..=100"]);
     relight(here, "bake capture -o c.rti").assert_refused(2, &["hsh with 4, 9 or 16", "not ptm with 6"]);
     assert_eq!(names_in(here), names);
 }

@@ -21,6 +21,7 @@ mod ptm_header;
 mod ptm_jpeg;
 mod ptm_jpeg_reader;
 mod ptm_reader;
+mod recognize;
 mod rti;
 mod rti_reader;
 mod summary;
@@ -28,21 +29,27 @@ mod texture;
 mod textures;
 mod textures_reader;
 mod unpack;
+mod web;
+mod web_functions;
+mod web_info;
+mod web_jpeg;
+mod web_reader;
 mod zstandard;
 
 pub use function_table::write_function_table;
 pub use planes::plane_names;
 pub use positions::AssetPositions;
+pub(crate) use recognize::is_asset;
 pub use summary::{AssetSummary, describe_asset, summarize_asset};
 
-use crate::FormatError;
+use crate::{FormatError, OutputFile};
 use planes::{check_finite, plane_bytes, plane_quantizers};
+use recognize::{format_of, known_extensions};
 use relight_core::{CoefficientSpan, Layout, Model, PositionMap, RelightingMaps};
 use relight_texture::{
     Coding, PackReport, PackedMaps, Packing, Precision, TexelDomain, TexelFormat, full_levels,
 };
 use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use summary::Details;
 use textures::Container;
@@ -134,6 +141,8 @@ pub struct AssetFormat {
     pub zstd: bool,
     /// Whether its planes can be JPEG files within it.
     pub jpeg: bool,
+    /// Whether it is a folder of files, planes in JPEG among them.
+    pub folder: bool,
     /// Whether it stores a scale and bias for each plane.
     pub scaled: bool,
     /// Whether its files are written as the spans come, rather than held until the last one; planes in JPEG
@@ -164,7 +173,7 @@ pub struct Parts {
 type Created = Result<Box<dyn AssetWriter>, FormatError>;
 
 /// All asset formats, in the order in which they are listed to users.
-pub static ASSET_FORMATS: [AssetFormat; 5] = [
+pub static ASSET_FORMATS: [AssetFormat; 6] = [
     AssetFormat {
         name: "ktx2",
         extension: "ktx2",
@@ -175,6 +184,7 @@ pub static ASSET_FORMATS: [AssetFormat; 5] = [
         positions: &[Precision::F16, Precision::F32],
         zstd: true,
         jpeg: false,
+        folder: false,
         scaled: true,
         streamed: true,
         magic: Container::Ktx2.magic(),
@@ -198,6 +208,7 @@ pub static ASSET_FORMATS: [AssetFormat; 5] = [
         positions: &[Precision::F16, Precision::F32],
         zstd: false,
         jpeg: false,
+        folder: false,
         scaled: true,
         streamed: true,
         magic: Container::Dds.magic(),
@@ -221,6 +232,7 @@ pub static ASSET_FORMATS: [AssetFormat; 5] = [
         positions: &[Precision::F32],
         zstd: false,
         jpeg: false,
+        folder: false,
         scaled: false,
         streamed: false,
         magic: &[0x76, 0x2f, 0x31, 0x01],
@@ -242,6 +254,7 @@ pub static ASSET_FORMATS: [AssetFormat; 5] = [
         positions: &[],
         zstd: false,
         jpeg: true,
+        folder: false,
         scaled: true,
         streamed: true,
         magic: b"PTM_1.",
@@ -263,6 +276,7 @@ pub static ASSET_FORMATS: [AssetFormat; 5] = [
         positions: &[],
         zstd: false,
         jpeg: false,
+        folder: false,
         scaled: true,
         streamed: true,
         magic: b"#HSH",
@@ -273,6 +287,28 @@ pub static ASSET_FORMATS: [AssetFormat; 5] = [
         read_packed: |path, limit| planar::read_packed(path, limit, rti_reader::summarize, rti_reader::read),
         read_positions: |_, _| Ok(None),
         summarize: rti_reader::summarize,
+    },
+    AssetFormat {
+        name: "web",
+        extension: "web",
+        about: "folder of info.json and JPEG planes of CNR relight, for OpenLIME in browsers",
+        layouts: &[Layout::Rgb, Layout::Lrgb, Layout::Shared],
+        precisions: &[Precision::U8],
+        textures: false,
+        positions: &[],
+        zstd: false,
+        jpeg: true,
+        folder: true,
+        scaled: true,
+        streamed: false,
+        magic: b"{",
+        refusal: web::refusal,
+        create: |path, header, settings, _| web::create(path, header, settings),
+        outputs: |path, _, _| Ok(vec![path.to_owned()]),
+        read: web_reader::read,
+        read_packed: |path, limit| planar::read_packed(path, limit, web_reader::summarize, web_reader::read),
+        read_positions: |_, _| Ok(None),
+        summarize: web_reader::summarize,
     },
 ];
 
@@ -311,6 +347,9 @@ impl AssetFormat {
     /// Bytes that a writer of this format holds until the asset is whole; 0 where it streams.
     pub fn held_bytes(&self, plan: &AssetPlan<'_>, settings: &WriteSettings) -> u64 {
         let AssetPlan { width, height, model, formats, levels } = *plan;
+        if self.folder {
+            return web::held_bytes(width, height, model);
+        }
         if settings.jpeg_quality.is_some() {
             return ptm_jpeg::held_bytes(width, height, model.plane_count());
         }
@@ -362,7 +401,7 @@ impl AssetFormat {
         } else if let Some(level) = settings.zstd.filter(|level| !zstandard::LEVELS.contains(level)) {
             let (least, most) = (zstandard::LEVELS.start(), zstandard::LEVELS.end());
             Some(format!("Zstandard's level {level} is outside {least}..{most}"))
-        } else if let Some(quality) = settings.jpeg_quality {
+        } else if let Some(quality) = settings.jpeg_quality.or(self.folder.then_some(web::USUAL_QUALITY)) {
             self.refusal_of_jpeg(plan, quality).or_else(|| (self.refusal)(model))
         } else {
             (self.refusal)(model)
@@ -375,12 +414,13 @@ impl AssetFormat {
         let AssetPlan { width, height, .. } = *plan;
         let largest = usize::from(u16::MAX);
         if !self.jpeg {
-            Some(format!("{} holds no planes in JPEG; write .ptm", self.name))
+            Some(format!("{} holds no planes in JPEG; write .ptm or .web", self.name))
         } else if !(1..=100).contains(&quality) {
             Some(format!("JPEG quality {quality} is outside 1..100"))
         } else {
-            let problem =
-                format!("{width} x {height} is outside 1..{largest} of JPEG; write .ptm without it");
+            let problem = format!(
+                "{width} x {height} is outside 1..{largest} of JPEG; write .ptm without it, or .ktx2"
+            );
             (width.max(height) > largest).then_some(problem)
         }
     }
@@ -391,6 +431,14 @@ impl AssetFormat {
             TexelFormat::Plain { precision, .. } => self.precisions.contains(&precision),
             TexelFormat::Block(_) => self.textures,
         }
+    }
+
+    /// Fails where nothing of this format can be written to `path`; leaves no trace.
+    ///
+    /// # Errors
+    /// As of [`OutputFile::create`]; of a folder also where another than such an asset stands at `path`.
+    pub fn check_writable(&self, path: &Path) -> Result<(), FormatError> {
+        if self.folder { web::create_folder(path).map(drop) } else { OutputFile::create(path).map(drop) }
     }
 
     /// All files that an asset at `path` will have: `path` first, then further textures
@@ -451,7 +499,7 @@ impl AssetFormat {
 }
 
 /// Reads an asset of any format, told by its first bytes; of textures the first file or the
-/// manifest. Blocks are decoded, mip levels after the first left aside.
+/// manifest, of a web folder itself or its `info.json`. Blocks are decoded, mip levels after the first left aside.
 ///
 /// The planes take at most `memory_limit` bytes, with working space of some MiB beside them.
 ///
@@ -482,40 +530,6 @@ pub fn read_packed(path: &Path, memory_limit: u64) -> Result<PackedMaps, FormatE
 /// As of [`read_asset`].
 pub fn read_positions(path: &Path, memory_limit: u64) -> Result<Option<PositionMap>, FormatError> {
     (format_of(path)?.read_positions)(path, memory_limit)
-}
-
-/// Whether a file that begins with `start` may be an asset or its manifest.
-pub(crate) fn is_asset(start: &[u8]) -> bool {
-    start.starts_with(b"{") || ASSET_FORMATS.iter().any(|format| start.starts_with(format.magic))
-}
-
-/// The format whose magic bytes `path` begins with, or the first file that the manifest at `path`
-/// lists.
-fn format_of(path: &Path) -> Result<&'static AssetFormat, FormatError> {
-    let start = start_of(path)?;
-    let by_magic = |start: &[u8]| ASSET_FORMATS.iter().find(|format| start.starts_with(format.magic));
-    let format = if start.starts_with(b"{") {
-        let first = textures_reader::first_file(path)?;
-        by_magic(&start_of(&first)?).filter(|format| format.textures)
-    } else {
-        by_magic(&start)
-    };
-    format.ok_or_else(|| {
-        let known = known_extensions();
-        FormatError::unsupported(path, format!("is no asset; relight reads those that it writes: {known}"))
-    })
-}
-
-/// The first bytes of a file, up to 16.
-fn start_of(path: &Path) -> Result<Vec<u8>, FormatError> {
-    let mut start = Vec::new();
-    open(path)?.take(16).read_to_end(&mut start).map_err(|e| FormatError::io(path, "read", e))?;
-    Ok(start)
-}
-
-fn known_extensions() -> String {
-    let known: Vec<_> = ASSET_FORMATS.iter().map(|format| format!(".{}", format.extension)).collect();
-    known.join(", ")
 }
 
 fn layout_name(layout: Layout) -> &'static str {

@@ -23,7 +23,7 @@ pub fn describe(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
         return Ok(facts);
     }
     if path.is_dir() {
-        return Err(FormatError::unsupported(path, "is a folder; name a file in it"));
+        return describe_asset(path);
     }
     let mut magic = Vec::new();
     let file = std::fs::File::open(path).map_err(|source| FormatError::io(path, "open", source))?;

@@ -12,6 +12,7 @@ mod machine;
 pub mod mesh;
 mod normal_file;
 mod output_file;
+mod output_folder;
 pub mod picture;
 mod picture_output;
 mod position_file;

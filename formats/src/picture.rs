@@ -237,15 +237,15 @@ pub fn decode_bytes(
     Ok(picture)
 }
 
-/// Decodes a grey JPEG of `width` x `height` pixels that lies within the file at `path`: its rows.
-///
-/// `memory_limit` bounds `bytes`, samples and decoder together, in bytes.
+/// Decodes a JPEG of `channels` (1 or 3) within another file or beside one, 8 bits a sample, interleaved, rows
+/// from the top.
 ///
 /// # Errors
 /// As [`decode`]; a picture of another size or kind is refused before it is decoded.
-pub(crate) fn decode_grey_jpeg(
+pub(crate) fn decode_jpeg(
     bytes: &[u8],
     (width, height): (usize, usize),
+    channels: usize,
     path: &Path,
     memory_limit: u64,
 ) -> Result<Vec<u8>, FormatError> {
@@ -253,9 +253,9 @@ pub(crate) fn decode_grey_jpeg(
         return Err(FormatError::invalid(path, "is no JPEG"));
     }
     let info = guarded(&JPEG, path, || (JPEG.probe)(&mut Cursor::new(bytes), path))?;
-    if (info.width, info.height, info.channels) != (width, height, 1) {
+    if (info.width, info.height, info.channels) != (width, height, channels) {
         let problem = format!(
-            "its JPEG has {} x {} pixels of {} channels where {width} x {height} of 1 are needed",
+            "its JPEG has {} x {} pixels of {} channels where {width} x {height} of {channels} are needed",
             info.width, info.height, info.channels
         );
         return Err(FormatError::invalid(path, problem));

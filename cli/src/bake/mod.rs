@@ -29,7 +29,7 @@ use std::time::Instant;
 pub(crate) struct BakeArguments {
     /// A .lp file, a folder that holds one, or a .toml job file
     input: PathBuf,
-    /// The asset to write: .ktx2, .dds, .exr, .ptm or .rti
+    /// The asset to write: .ktx2, .dds, .exr, .ptm, .rti, or .web for a folder
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Family of functions: ptm, sh, hsh, srbf, or pca for planes learned from the pictures
@@ -190,7 +190,8 @@ impl Stages {
 pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
     let format = AssetFormat::by_path(&arguments.output).map_err(Failure::of_output)?;
-    for path in std::iter::once(&arguments.output).chain(&arguments.report) {
+    format.check_writable(&arguments.output).map_err(Failure::of_output)?;
+    if let Some(path) = &arguments.report {
         check_writable(path)?;
     }
     let settings = arguments.textures.settings(machine.memory)?;

@@ -46,9 +46,9 @@ pub(super) struct TextureOptions {
     /// Compress .ktx2 with zstd, at a level from 1 to 19
     #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "12", value_parser = clap::value_parser!(i32).range(1..=19))]
     zstd: Option<i32>,
-    /// Compress the planes of .ptm by JPEG, at a quality from 1 to 100
+    /// Compress the planes of .ptm by JPEG, at a quality from 1 to 100; those of .web always are, at 95 by default
     #[arg(long, value_name = "QUALITY", value_parser = clap::value_parser!(u8).range(1..=100))]
-    ptm_jpeg: Option<u8>,
+    jpeg_quality: Option<u8>,
     /// Write a file for each map, as three.js and Godot load them
     #[arg(long)]
     split: bool,
@@ -168,7 +168,7 @@ impl TextureOptions {
             coding: self.coding()?,
             zstd: self.zstd,
             split: self.split,
-            jpeg_quality: self.ptm_jpeg,
+            jpeg_quality: self.jpeg_quality,
             memory_limit,
         })
     }

@@ -71,6 +71,15 @@ impl PlaneErrors {
             }
         }
     }
+
+    /// The errors times `factor`: of coefficients where these are of codes.
+    pub fn scaled(mut self, factor: f32) -> Self {
+        let square = f64::from(factor) * f64::from(factor);
+        self.square *= square;
+        self.square_of_given = self.square_of_given.map(|of_given| of_given * square);
+        self.seen.iter_mut().for_each(|error| *error *= factor);
+        self
+    }
 }
 
 impl PlaneErrors {

@@ -60,7 +60,7 @@ pub(super) fn create(
 }
 
 /// The coefficients of plane `role` of `Model::roles` in `span`.
-fn coefficients<'a>(
+pub(super) fn coefficients<'a>(
     span: &CoefficientSpan<'a>,
     maps: usize,
     layout: Layout,
@@ -162,7 +162,7 @@ fn tables(quality: u8, planes: &[CodedPlane]) -> String {
 
 /// What rounding and JPEG cost together: JPEG sees codes and knows nothing of what rounding took off, so
 /// that their errors are independent and their squares add up.
-fn together(rounding: &PackReport, loss: &PackReport) -> PackReport {
+pub(super) fn together(rounding: &PackReport, loss: &PackReport) -> PackReport {
     let both = |a: f64, b: f64| (a * a + b * b).sqrt();
     let all = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(&a, &b)| both(a, b)).collect();
     PackReport {

@@ -47,7 +47,7 @@ impl SplitMix {
 /// A family and number of functions that the format of that name holds.
 pub(crate) fn basis_of(format: &str) -> (&'static str, usize) {
     match format {
-        "ptm" => ("ptm", 6),
+        "ptm" | "web" => ("ptm", 6),
         "rti" => ("hsh", 9),
         _ => ("srbf", 7),
     }

@@ -14,3 +14,4 @@ mod ptm_forms;
 mod refusals;
 mod round_trips;
 mod rti;
+mod web;

@@ -50,6 +50,10 @@ fn write(path: &Path, kind: &str) {
             let settings = WriteSettings { jpeg_quality: Some(80), ..PLAIN };
             (asset.plain(path, Precision::U8), settings)
         }
+        "learned" => {
+            let asset = lopsided("pca", 4, Layout::Shared, (23, 37));
+            return asset.write_plain(path, Precision::U8).map(drop).unwrap();
+        }
         "luminance" => return fs::write(path, luminance_file(COLUMNS)).unwrap(),
         "half" => (asset.plain(path, Precision::F16), PLAIN),
         "blocks" => (asset.packing(block(BlockFormat::Bc7), 6), PLAIN),
@@ -93,6 +97,8 @@ fn mangled_assets_are_errors_or_results_within_the_memory_limit() {
         ("a.ptm", "jpeg"),
         ("a.ptm", "luminance"),
         ("a.rti", "hsh"),
+        ("a.web", "plain"),
+        ("a.web", "learned"),
         ("a.exr", "half"),
         ("a.ktx2", "plain"),
         ("a.ktx2", "blocks"),
@@ -108,10 +114,11 @@ fn mangled_assets_are_errors_or_results_within_the_memory_limit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         write(&path, kind);
-        for damaged in names_in(folder.path()) {
+        let around = if path.is_dir() { &path } else { folder.path() };
+        for damaged in names_in(around) {
             // Planes are read whatever happens to positions.
             let of_positions = damaged.contains("_positions");
-            let damaged = folder.path().join(damaged);
+            let damaged = around.join(damaged);
             let whole = fs::read(&damaged).unwrap();
             let (mut random, mut results) = (SplitMix(7), 0);
             let rounds = 300;

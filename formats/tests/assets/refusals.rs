@@ -17,7 +17,7 @@ fn refusals_say_what_is_held_instead() {
         asset.write_plain(&folder.path().join(name), precision).unwrap_err().to_string()
     };
     let words = refusal("a.tiff", "ptm", 6, Precision::U8, Space::Encoded);
-    assert!(words.ends_with("use .ktx2, .dds, .exr, .ptm, .rti"), "{words}");
+    assert!(words.ends_with("use .ktx2, .dds, .exr, .ptm, .rti, .web"), "{words}");
     let words = refusal("a.ptm", "sh", 9, Precision::U8, Space::Encoded);
     assert!(words.contains("basis ptm with 6 functions, not sh with 9"), "{words}");
     let words = refusal("a.ptm", "ptm", 10, Precision::U8, Space::Encoded);

@@ -19,7 +19,8 @@ fn bits(texels: &Texels) -> Vec<u32> {
 fn every_format_layout_and_precision_comes_back() {
     let folder = tempfile::tempdir().unwrap();
     let mut tried = 0;
-    for format in &ASSET_FORMATS {
+    // What is always in JPEG has tests of its own.
+    for format in ASSET_FORMATS.iter().filter(|format| !format.folder) {
         let (family, count) = basis_of(format.name);
         for (layout, precision) in LAYOUTS.iter().flat_map(|l| PRECISIONS.map(|p| (*l, p))) {
             for size in [(1, 1), (3, 5), (4097, 1), (257, 130)] {

@@ -1,0 +1,201 @@
+//! Folders that appear whole or not at all: written under a hidden name beside the target, then renamed.
+
+use crate::FormatError;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// A folder of files on its way to `path`.
+///
+/// Files go to `.name.relight-XXXXXX.tmp` beside the target; [`Self::finish`] renames that. Dropping it without
+/// `finish` removes the temporary and leaves the target as it was.
+#[derive(Debug)]
+pub(crate) struct OutputFolder {
+    path: PathBuf,
+    /// Where a symbolic link at `path` leads, otherwise `path` itself.
+    target: PathBuf,
+    temporary: TempDir,
+}
+
+impl OutputFolder {
+    /// Starts a folder that will stand at `path`. A folder that stands there is replaced where it is empty, or
+    /// where it has all of `marks` and nothing but files whose names `is_own` accepts.
+    ///
+    /// # Errors
+    /// [`FormatError::Io`] when the folder around it is missing or can't be written to, [`FormatError::Invalid`]
+    /// when something else stands at `path`.
+    pub(crate) fn create(path: &Path, marks: &[&str], is_own: fn(&str) -> bool) -> Result<Self, FormatError> {
+        let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let Some(name) = target.file_name() else {
+            return Err(FormatError::invalid(path, "is not the name of a folder; name one to write"));
+        };
+        check_replaceable(path, &target, marks, is_own)?;
+        let around = match target.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        if !around.is_dir() {
+            let words = format!("there is no folder {}", around.display());
+            return Err(FormatError::io(path, "create", io::Error::new(io::ErrorKind::NotFound, words)));
+        }
+        let temporary = hidden(name, around).map_err(|e| FormatError::io(path, "create", e.kind().into()))?;
+        Ok(Self { path: path.to_owned(), target, temporary })
+    }
+
+    /// The path at which the folder will stand.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes a file of the folder, whole.
+    ///
+    /// # Errors
+    /// [`FormatError::Io`], for instance on a full disk.
+    pub(crate) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FormatError> {
+        fs::write(self.temporary.path().join(name), bytes).map_err(|e| self.write_error(e))
+    }
+
+    /// Puts the folder in its place. What stood there is moved aside before and removed afterwards.
+    ///
+    /// # Errors
+    /// [`FormatError::Io`] when it can't be renamed; what stood at the target stands there again.
+    pub(crate) fn finish(self) -> Result<(), FormatError> {
+        let new = self.temporary.path();
+        if !self.target.exists() {
+            fs::rename(new, &self.target).map_err(|e| self.write_error(e))?;
+        } else {
+            let (around, name) = (new.parent().unwrap_or(Path::new(".")), self.target.file_name());
+            let aside = hidden(name.unwrap_or_default(), around).map_err(|e| self.write_error(e))?;
+            let old = aside.path().join("old");
+            fs::rename(&self.target, &old).map_err(|e| self.write_error(e))?;
+            if let Err(error) = fs::rename(new, &self.target) {
+                // The error that matters is the one above.
+                drop(fs::rename(&old, &self.target));
+                return Err(self.write_error(error));
+            }
+        }
+        // Its name is another one now: there is nothing to remove.
+        let _ = self.temporary.keep();
+        Ok(())
+    }
+
+    fn write_error(&self, source: io::Error) -> FormatError {
+        FormatError::io(&self.path, "write", source)
+    }
+}
+
+/// A new folder of a hidden name, gone when it is dropped.
+fn hidden(name: &std::ffi::OsStr, around: &Path) -> io::Result<TempDir> {
+    let mut prefix = std::ffi::OsString::from(".");
+    if name.len() <= crate::output_file::LONGEST_NAME {
+        prefix.push(name);
+    }
+    prefix.push(".relight-");
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(".tmp");
+    // What the system gives a new folder: it takes the umask off these.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
+    builder.tempdir_in(around)
+}
+
+fn check_replaceable(
+    path: &Path,
+    target: &Path,
+    marks: &[&str],
+    is_own: fn(&str) -> bool,
+) -> Result<(), FormatError> {
+    let Ok(metadata) = fs::metadata(target) else { return Ok(()) };
+    if !metadata.is_dir() {
+        return Err(FormatError::invalid(path, "is a file; name a folder to write, or remove the file"));
+    }
+    let failed = |e| FormatError::io(path, "read", e);
+    let mut names = Vec::new();
+    for entry in fs::read_dir(target).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if !is_own(&name) || !entry.file_type().map_err(failed)?.is_file() {
+            let problem = format!(
+                "would be replaced, but holds {name}, which is no part of an asset; name another folder"
+            );
+            return Err(FormatError::invalid(path, problem));
+        }
+        names.push(name);
+    }
+    match marks.iter().find(|mark| !names.iter().any(|name| name == *mark)) {
+        Some(mark) if !names.is_empty() => {
+            let problem =
+                format!("would be replaced, but is no asset, for it has no {mark}; name another folder");
+            Err(FormatError::invalid(path, problem))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MARKS: [&str; 2] = ["a", "b"];
+
+    fn create(path: &Path) -> Result<OutputFolder, FormatError> {
+        OutputFolder::create(path, &MARKS, |name| name.len() == 1)
+    }
+
+    fn names_in(folder: &Path) -> Vec<String> {
+        let names = fs::read_dir(folder).unwrap();
+        let mut names: Vec<_> = names.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_folder_appears_whole_and_replaces_its_like() {
+        let around = tempfile::tempdir().unwrap();
+        let path = around.path().join("x");
+        let first = create(&path).unwrap();
+        first.write("a", b"1").unwrap();
+        assert!(!path.exists());
+        first.write("b", b"2").unwrap();
+        first.write("c", b"3").unwrap();
+        first.finish().unwrap();
+        assert_eq!(names_in(&path), ["a", "b", "c"]);
+        let second = create(&path).unwrap();
+        second.write("a", b"4").unwrap();
+        drop(create(&path).unwrap());
+        assert_eq!(fs::read(path.join("a")).unwrap(), b"1");
+        second.finish().unwrap();
+        assert_eq!(
+            (names_in(&path), fs::read(path.join("a")).unwrap()),
+            (vec!["a".to_owned()], b"4".to_vec())
+        );
+        assert_eq!(names_in(around.path()), ["x"]);
+    }
+
+    #[test]
+    fn what_is_not_its_like_stays_as_it_was() {
+        let around = tempfile::tempdir().unwrap();
+        let path = around.path().join("x");
+        fs::create_dir(&path).unwrap();
+        drop(create(&path).unwrap());
+        let refused = |words: &str| {
+            let error = create(&path).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        };
+        fs::write(path.join("a"), "").unwrap();
+        refused("it has no b");
+        fs::write(path.join("b"), "").unwrap();
+        create(&path).unwrap();
+        fs::write(path.join("photo.jpg"), "").unwrap();
+        refused("holds photo.jpg");
+        fs::remove_file(path.join("photo.jpg")).unwrap();
+        fs::create_dir(path.join("d")).unwrap();
+        refused("holds d");
+        fs::remove_dir_all(&path).unwrap();
+        fs::write(&path, "").unwrap();
+        refused("is a file");
+        assert!(matches!(create(&path.join("y")), Err(FormatError::Io { .. })));
+        assert_eq!(names_in(around.path()), ["x"]);
+    }
+}
