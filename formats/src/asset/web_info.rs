@@ -67,13 +67,20 @@ pub(super) fn info_path(path: &Path) -> PathBuf {
 
 /// Whether `path` is a web folder or its description: a folder that has one, or a file that names materials.
 pub(super) fn is_web(path: &Path) -> bool {
-    let info = info_path(path);
+    if path.is_dir() {
+        return path.join(INFO).is_file();
+    }
     let names_materials = || -> Option<bool> {
-        let mut text = Vec::new();
-        open_measured(&info).ok()?.0.take(LARGEST).read_to_end(&mut text).ok()?;
-        Some(text.windows(11).any(|window| window == b"\"materials\""))
+        let mut file = open_measured(path).ok()?.0;
+        let mut text = vec![0];
+        file.read_exact(&mut text).ok()?;
+        if text.starts_with(b"{") {
+            file.take(LARGEST).read_to_end(&mut text).ok()?;
+        }
+        let key = b"\"materials\"";
+        Some(text.windows(key.len()).any(|window| window == key))
     };
-    if path.is_dir() { info.is_file() } else { names_materials() == Some(true) }
+    names_materials() == Some(true)
 }
 
 /// Reads the description at `path`.

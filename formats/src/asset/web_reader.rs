@@ -108,7 +108,7 @@ impl WebFolder {
 /// Reads and checks the description.
 fn open(path: &Path, memory_limit: u64) -> Result<WebFolder, FormatError> {
     let info = info_path(path);
-    let mut description = read_info(&info, memory_limit)?;
+    let description = read_info(&info, memory_limit)?;
     let checked = Checked { path: &info };
     let (width, height) = (description.width, description.height);
     if !SIDES.contains(&width) || !SIDES.contains(&height) {
@@ -141,9 +141,7 @@ fn open(path: &Path, memory_limit: u64) -> Result<WebFolder, FormatError> {
     };
     let packing = planar::packing(Precision::U8, (0..model.plane_count()).map(of_role));
     let header = AssetHeader { width, height, model, packing };
-    let folder =
-        WebFolder { info, header, description: WebInfo { basis: Vec::new(), ..description.clone() }, planes };
-    description.basis.clear();
+    let folder = WebFolder { info, header, description, planes };
     folder.check_files()?;
     Ok(folder)
 }
