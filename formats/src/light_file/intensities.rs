@@ -92,14 +92,8 @@ pub fn parse_intensity_file(bytes: &[u8], path: &Path) -> Result<IntensityFile, 
                 words(first)
             )));
         }
-        if !is_count && let Some(factor) = entry.factors.into_iter().find(|factor| !ALLOWED.contains(factor))
-        {
-            return Err(invalid(format!(
-                "line {number}: intensity {factor} is outside {:e}..{:e}; give the lamp's brightness as a factor, 1 for the \
-                 usual one",
-                ALLOWED.start(),
-                ALLOWED.end()
-            )));
+        if !is_count {
+            check_range(&entry).map_err(invalid)?;
         }
         entries.push(entry);
     }
@@ -110,6 +104,18 @@ pub fn parse_intensity_file(bytes: &[u8], path: &Path) -> Result<IntensityFile, 
         return Err(invalid(format!("has more than {MOST_LIGHTS} lines; give 1..{MOST_LIGHTS}")));
     }
     Ok(IntensityFile { path: path.to_owned(), entries })
+}
+
+fn check_range(entry: &IntensityEntry) -> Result<(), String> {
+    let outside = entry.factors.into_iter().find(|factor| !ALLOWED.contains(factor));
+    outside.map_or(Ok(()), |factor| {
+        Err(format!(
+            "line {}: intensity {factor} is outside {:e}..{:e}; give the lamp's brightness as a factor, 1 for the usual one",
+            entry.line,
+            ALLOWED.start(),
+            ALLOWED.end()
+        ))
+    })
 }
 
 fn entry_from_line(line: &str, number: usize) -> Result<IntensityEntry, String> {
@@ -167,6 +173,8 @@ impl IntensityFile {
                 entries
             }
         };
+        // A first number was let pass as a count.
+        entries.iter().try_for_each(|entry| check_range(entry)).map_err(invalid)?;
         if let Some(entry) = entries.iter().find(|entry| entry.is_colored && capture.is_grey()) {
             return Err(invalid(format!(
                 "line {}: three intensities for pictures of one channel; give one",
