@@ -27,7 +27,7 @@ fn pictures(lights: &[Direction], channels: usize, spoilt: impl Fn(usize, usize)
 }
 
 fn map_of(pictures: &Pictures, lights: &[Direction], method: NormalMethod) -> NormalMap {
-    let full_scale = vec![1.0; lights.len() * pictures.channels()];
+    let full_scale = vec![1.0; lights.len() * pictures.channels];
     normal_map(pictures, lights, method, &full_scale, || Ok::<(), FitError>(())).unwrap()
 }
 
