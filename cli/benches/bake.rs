@@ -123,8 +123,7 @@ fn stages(set: &Path, family: &str, count: usize) {
         cancel: &cancel,
         progress: &|_| {},
     };
-    let (decode, stack) =
-        timed(|| PictureStack::load(&capture.capture.pictures, &capture.infos, &settings).expect("pictures"));
+    let (decode, stack) = timed(|| PictureStack::load(&capture, &settings).expect("pictures"));
     let directions = capture.capture.lights.directions();
     let design = Design::new(count, &capture.capture.lights);
     let basis = Family::by_name(family).expect("a family").build(&design).expect("a basis");

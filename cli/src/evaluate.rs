@@ -2,6 +2,7 @@
 
 use crate::failure::{Exit, Failure};
 use crate::options::{Machine, MachineOptions, check_apart, check_writable};
+use crate::photograph_options::PhotographOptions;
 use crate::say::say;
 use crate::{interrupt, notes, progress};
 use clap::Args;
@@ -9,7 +10,7 @@ use rayon::prelude::*;
 use relight_core::metrics::{self, PictureError};
 use relight_core::relighter::{Picture, relight};
 use relight_core::{RelightingMaps, Space};
-use relight_formats::{OpenCapture, PictureDepth, decode, open_capture, read_asset, write_picture};
+use relight_formats::{OpenCapture, PictureDepth, open_capture, read_asset, write_picture};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -21,6 +22,8 @@ pub(crate) struct EvaluateArguments {
     asset: PathBuf,
     /// A .lp file, or a folder that holds one: the lights and their photographs
     set: PathBuf,
+    #[command(flatten)]
+    photographs: PhotographOptions,
     /// Print JSON instead of a table
     #[arg(long)]
     json: bool,
@@ -58,9 +61,15 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.heatmap {
         check_heatmap(path)?;
     }
-    let capture = open_capture(&arguments.set)?;
+    let mut capture = open_capture(&arguments.set)?;
+    arguments.photographs.apply(&mut capture, &machine, &std::env::temp_dir().join("x"))?;
     notes::print(&capture.capture.notes);
-    let read = capture.capture.pictures.iter().chain([&capture.capture.light_file, &arguments.asset]);
+    let read = capture
+        .capture
+        .pictures
+        .iter()
+        .chain([&capture.capture.light_file, &arguments.asset])
+        .chain(arguments.photographs.files());
     check_apart(&arguments.heatmap, read)?;
     let evaluation = evaluate(&arguments.asset, &capture, &machine)?;
     if let Some(path) = &arguments.heatmap {
@@ -85,8 +94,8 @@ fn check_heatmap(path: &Path) -> Result<(), Failure> {
 
 /// Fails when the pictures of `capture` are not of the size of what is to be compared with them.
 pub(crate) fn check_size(size: (usize, usize), of: &Path, capture: &OpenCapture) -> Result<(), Failure> {
-    let info = &capture.infos[0];
-    if size == (info.width, info.height) {
+    let pictures = capture.size();
+    if size == pictures {
         return Ok(());
     }
     let message = format!(
@@ -95,8 +104,8 @@ pub(crate) fn check_size(size: (usize, usize), of: &Path, capture: &OpenCapture)
         size.0,
         size.1,
         capture.capture.light_file.display(),
-        info.width,
-        info.height
+        pictures.0,
+        pictures.1
     );
     Err(Failure::new(Exit::BadInput, message))
 }
@@ -115,7 +124,7 @@ pub(crate) fn evaluate(
     let figures = |i: usize| -> Result<PictureFigures, Failure> {
         interrupt::check()?;
         let light = &capture.capture.lights.lights[i];
-        let photograph = photograph(&capture.capture.pictures[i], machine)?;
+        let photograph = capture.photograph(i, machine.level, machine.memory)?;
         let relit = relit(&maps, light.direction, linear, machine);
         let (relit, photograph) = same_channels(relit, photograph);
         let compare =
@@ -131,7 +140,7 @@ pub(crate) fn evaluate(
         bar.inc(1);
         Ok(PictureFigures { name: light.name.clone(), stored, encoded })
     };
-    let at_once = pictures_at_once(&maps, machine);
+    let at_once = pictures_at_once(&maps, capture, machine);
     let all: Vec<usize> = (0..capture.infos.len()).collect();
     let mut pictures = Vec::with_capacity(all.len());
     for group in all.chunks(at_once) {
@@ -146,22 +155,14 @@ pub(crate) fn evaluate(
 }
 
 /// How many pictures are compared side by side within the memory that the asset leaves.
-fn pictures_at_once(maps: &RelightingMaps, machine: &Machine) -> usize {
+fn pictures_at_once(maps: &RelightingMaps, capture: &OpenCapture, machine: &Machine) -> usize {
     let texels: u64 = maps.planes.iter().map(|plane| plane.texels.bytes()).sum();
     // Relit and photographed in f32, encoded or widened once more, and as decoded.
-    let picture = maps.pixels() as u64 * 3 * 4 * 5;
+    let whole = capture.infos[0].width as u64 * capture.infos[0].height as u64;
+    // What a crop leaves out is decoded, too.
+    let picture = maps.pixels() as u64 * 3 * 4 * 5 + (whole - maps.pixels() as u64) * 3 * 4;
     let room = machine.memory.saturating_sub(texels) / picture.max(1);
     room.clamp(1, machine.threads as u64) as usize
-}
-
-/// A photograph as f32 values in its own space.
-fn photograph(path: &Path, machine: &Machine) -> Result<Picture, Failure> {
-    let picture = decode(path, machine.level, machine.memory)?;
-    let space = if picture.info.sample_type.is_float() { Space::Linear } else { Space::Encoded };
-    let (width, height, channels) = (picture.info.width, picture.info.height, picture.info.channels);
-    let mut samples = vec![0.0; width * height * channels];
-    picture.samples.copy_to(space, machine.level, 0, &mut samples);
-    Ok(Picture { width, height, channels, samples })
 }
 
 /// The asset under a light, in the photographs' space.

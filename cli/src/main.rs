@@ -16,6 +16,7 @@ mod lights;
 mod normals;
 mod notes;
 mod options;
+mod photograph_options;
 mod positions;
 #[cfg(feature = "gpu")]
 mod preview;

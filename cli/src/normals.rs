@@ -3,6 +3,7 @@
 use crate::bake;
 use crate::failure::{Exit, Failure};
 use crate::options::{MachineOptions, check_apart, check_writable};
+use crate::photograph_options::PhotographOptions;
 use crate::say::say;
 use crate::{interrupt, notes, progress};
 use clap::{Args, ValueEnum};
@@ -34,6 +35,8 @@ pub(crate) struct NormalsArguments {
     /// (pixels of height, mean 0)
     #[arg(long, value_name = "FILE")]
     height: Option<PathBuf>,
+    #[command(flatten)]
+    photographs: PhotographOptions,
     /// robust leaves shadows and highlights out, pixel by pixel; least-squares takes all lights
     #[arg(long, value_name = "METHOD", value_enum, default_value = "robust")]
     method: Method,
@@ -91,13 +94,21 @@ pub(crate) fn run(arguments: &NormalsArguments) -> Result<(), Failure> {
         arguments.depth_for(path)?;
         check_writable(path)?;
     }
-    let capture = open_capture(&arguments.set)?;
+    let mut capture = open_capture(&arguments.set)?;
+    let whole = capture.size();
+    arguments.photographs.apply(&mut capture, &machine, &arguments.output)?;
     notes::print(&capture.capture.notes);
-    let inputs = capture.capture.pictures.iter().chain([&capture.capture.light_file]).chain(&arguments.truth);
+    let inputs = capture
+        .capture
+        .pictures
+        .iter()
+        .chain([&capture.capture.light_file])
+        .chain(&arguments.truth)
+        .chain(arguments.photographs.files());
     check_apart(outputs(), inputs)?;
-    let (width, height) = (capture.infos[0].width, capture.infos[0].height);
+    let (width, height) = capture.size();
     let truth = match &arguments.truth {
-        Some(path) => Some(arguments.read_truth(path, (width, height), machine.memory)?),
+        Some(path) => Some(arguments.read_truth(path, whole, machine.memory)?),
         None => None,
     };
     let pixels = (width * height) as u64;
@@ -114,13 +125,14 @@ pub(crate) fn run(arguments: &NormalsArguments) -> Result<(), Failure> {
         return Err(Failure::new(Exit::OverBudget, message));
     }
 
-    let stack = bake::load(&capture, arguments.space(&capture), &machine, kept_back, &arguments.output)?;
+    let space = arguments.space(&capture);
+    let stack = bake::load(&capture, space, &machine, kept_back, &arguments.output)?;
     let bar = progress::bar("normals", (width * height).div_ceil(relight_fit::SPAN));
     let mut map = normal_map::<Failure>(
         &stack,
         &capture.capture.lights.directions(),
         arguments.method(),
-        (!capture.is_float()).then_some(1.0),
+        &capture.full_scale(space),
         || {
             bar.inc(1);
             Ok(interrupt::check()?)
@@ -213,7 +225,10 @@ impl NormalsArguments {
         if self.flip_y {
             normals.iter_mut().for_each(|normal| normal[1] = -normal[1]);
         }
-        Ok(normals)
+        Ok(match self.photographs.crop() {
+            Some(crop) => crop.part_of(&normals, width, 1),
+            None => normals,
+        })
     }
 
     /// Writes the albedo, when one is wanted, and drops it; the pixels brighter than the file holds.

@@ -1,19 +1,28 @@
 //! A capture opened for work: its lights matched to pictures whose headers were read and agree.
 
 use crate::FormatError;
+use crate::crop::Crop;
+use crate::gain::Gain;
 use crate::light_file::{Capture, light_file_in, match_pictures, read_light_file};
-use crate::picture::{PictureInfo, probe};
+use crate::picture::{PictureInfo, decode, probe};
 use rayon::prelude::*;
+use relight_core::relighter::Picture;
+use relight_core::{CpuLevel, Space};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A capture and what its pictures' headers say.
+/// A capture, what its pictures' headers say, and what is to be made of the pictures.
 #[derive(Clone, Debug)]
 pub struct OpenCapture {
     /// Lights and pictures, in the order of the light file.
     pub capture: Capture,
     /// The pictures' headers, in the same order; all of one size, all integer or all float.
     pub infos: Vec<PictureInfo>,
+    /// The part of every picture that is used, within them; `None` for all of it.
+    pub crop: Option<Crop>,
+    /// What the linear light of each picture's channels is multiplied by when values are taken from it, in the same order,
+    /// finite and above 0 (the first alone counts for grey ones); empty where pictures are used as stored.
+    pub gains: Vec<[f32; 3]>,
 }
 
 /// Opens the `.lp` file `input`, or the one in folder `input`.
@@ -27,10 +36,72 @@ pub fn open_capture(input: &Path) -> Result<OpenCapture, FormatError> {
     let infos = capture.pictures.par_iter().map(|path| probe(path)).collect::<Result<Vec<_>, _>>()?;
     let notes = check_headers(&capture, &infos)?;
     capture.notes.extend(notes);
-    Ok(OpenCapture { capture, infos })
+    Ok(OpenCapture { capture, infos, crop: None, gains: Vec::new() })
 }
 
 impl OpenCapture {
+    /// Width and height of what is used of each picture, in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        let whole = self.infos.first().map_or((0, 0), |info| (info.width, info.height));
+        self.crop.map_or(whole, |crop| (crop.width, crop.height))
+    }
+
+    /// Channels of the pictures once they are alike: 1 or 3.
+    pub fn channels(&self) -> usize {
+        self.infos.iter().map(|info| info.channels).max().unwrap_or(1)
+    }
+
+    /// The values in `space` at which pictures saturate, for each picture those of its [`OpenCapture::channels`]; empty
+    /// for floats, which don't.
+    pub fn full_scale(&self, space: Space) -> Vec<f32> {
+        if self.is_float() {
+            return Vec::new();
+        }
+        let channels = self.channels();
+        let mut values = vec![1.0; self.infos.len() * channels];
+        for (values, factors) in values.chunks_exact_mut(channels).zip(&self.gains) {
+            if let Some(gain) = Gain::new(*factors, channels, space) {
+                (0..channels).for_each(|channel| values[channel] = gain.full_scale(channel));
+            }
+        }
+        values
+    }
+
+    /// Decodes picture `index`: its part and its gains, as values of its own space (encoded for integers, linear for floats).
+    ///
+    /// `memory_limit` bounds the decoder, in bytes.
+    ///
+    /// # Errors
+    /// As [`decode`], and when the picture is another than its header said.
+    ///
+    /// # Panics
+    /// When there is no picture `index`.
+    pub fn photograph(
+        &self,
+        index: usize,
+        level: CpuLevel,
+        memory_limit: u64,
+    ) -> Result<Picture, FormatError> {
+        let path = &self.capture.pictures[index];
+        let picture = decode(path, level, memory_limit)?;
+        if picture.info != self.infos[index] {
+            return Err(FormatError::changed(path));
+        }
+        let channels = picture.info.channels;
+        let space = if self.is_float() { Space::Linear } else { Space::Encoded };
+        let kept = match self.crop {
+            Some(crop) => crop.of_samples(&picture.samples, picture.info.width, channels),
+            None => picture.samples,
+        };
+        let (width, height) = self.size();
+        let mut samples = vec![0.0; width * height * channels];
+        match self.gains.get(index).and_then(|factors| Gain::new(*factors, channels, space)) {
+            Some(gain) => gain.copy(&kept, level, 0, 0, &mut samples),
+            None => kept.copy_to(space, level, 0, &mut samples),
+        }
+        Ok(Picture { width, height, channels, samples })
+    }
+
     /// Whether the pictures hold floats (linear light) rather than sRGB-encoded integers.
     pub fn is_float(&self) -> bool {
         self.infos.iter().any(|info| info.sample_type.is_float())
@@ -55,7 +126,16 @@ impl OpenCapture {
             vectors: indices.iter().map(|&i| self.capture.vectors[i]).collect(),
             notes: Vec::new(),
         };
-        Self { capture, infos: indices.iter().map(|&i| self.infos[i].clone()).collect() }
+        Self {
+            capture,
+            infos: indices.iter().map(|&i| self.infos[i].clone()).collect(),
+            crop: self.crop,
+            gains: if self.gains.is_empty() {
+                Vec::new()
+            } else {
+                indices.iter().map(|&i| self.gains[i]).collect()
+            },
+        }
     }
 }
 

@@ -56,6 +56,11 @@ impl FormatError {
         Self::Invalid { path: path.to_owned(), problem: problem.into() }
     }
 
+    /// A [`FormatError::Invalid`] of a picture that is no longer what its header said.
+    pub(crate) fn changed(path: &Path) -> Self {
+        Self::invalid(path, "changed while it was being read; run again")
+    }
+
     /// A [`FormatError::TooLarge`].
     pub fn too_large(path: &Path, needed: u64, limit: u64) -> Self {
         Self::TooLarge { path: path.to_owned(), needed, limit, remedy: "raise --memory or lower -j" }

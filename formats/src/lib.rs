@@ -3,10 +3,12 @@
 pub mod asset;
 mod camera_file;
 mod capture_folder;
+mod crop;
 mod depth_file;
 mod describe;
 mod error;
 mod exr_channels;
+mod gain;
 pub mod light_file;
 mod machine;
 pub mod mesh;
@@ -27,12 +29,13 @@ pub use asset::{
 };
 pub use camera_file::read_camera_file;
 pub use capture_folder::{OpenCapture, open_capture};
+pub use crop::Crop;
 pub use depth_file::read_depth_file;
 pub use describe::describe;
 pub use error::FormatError;
 pub use light_file::{
-    Capture, LightFile, light_file_in, match_pictures, pictures_in, read_light_file, unmatched,
-    write_light_file,
+    Capture, IntensityFile, LightFile, light_file_in, match_pictures, pictures_in, read_intensity_file,
+    read_light_file, unmatched, write_light_file,
 };
 pub use machine::{create_folder, machine_memory, place_of, read_text};
 pub use mesh::read_mesh;

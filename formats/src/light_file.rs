@@ -4,9 +4,11 @@
 //! [`read_light_file`] reads what is written, [`match_pictures`] finds the pictures: names decide,
 //! never the order of lines alone.
 
+mod intensities;
 mod matching;
 mod writing;
 
+pub use intensities::{IntensityEntry, IntensityFile, parse_intensity_file, read_intensity_file};
 pub use matching::{Capture, Unmatched, match_pictures, unmatched};
 pub use writing::{pictures_in, write_light_file};
 
@@ -99,11 +101,16 @@ fn has_light_extension(path: &Path) -> bool {
 /// [`FormatError::Io`] when it can't be read, [`FormatError::TooLarge`], and those of
 /// [`parse_light_file`].
 pub fn read_light_file(path: &Path) -> Result<LightFile, FormatError> {
+    parse_light_file(&read_bytes(path)?, path)
+}
+
+/// The bytes of a text file, no more than one beyond what is allowed.
+fn read_bytes(path: &Path) -> Result<Vec<u8>, FormatError> {
     let io = |source| FormatError::io(path, "read", source);
     let mut bytes = Vec::new();
     let file = fs::File::open(path).map_err(|source| FormatError::io(path, "open", source))?;
     file.take(LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(io)?;
-    parse_light_file(&bytes, path)
+    Ok(bytes)
 }
 
 /// Reads a light file from memory; `path` is kept and used for messages.

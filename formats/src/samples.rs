@@ -111,7 +111,7 @@ fn encode_floats(space: Space, values: &mut [f32]) {
 }
 
 /// Linear light of each 8-bit code.
-fn linear_of_code8() -> &'static [f32; 256] {
+pub(crate) fn linear_of_code8() -> &'static [f32; 256] {
     static TABLE: std::sync::OnceLock<[f32; 256]> = std::sync::OnceLock::new();
     TABLE.get_or_init(|| std::array::from_fn(|code| linear_from_srgb(code as f32 / 255.0)))
 }

@@ -4,6 +4,8 @@
 //! exceeds the memory allowed is written to the temporary file whole and read back span by span.
 
 use crate::FormatError;
+use crate::capture_folder::OpenCapture;
+use crate::gain::{GAIN_BYTES, Gain};
 use crate::picture::{PictureInfo, SampleType, Samples, decode};
 use crate::positioned::{read_exact_at, write_all_at};
 use rayon::prelude::*;
@@ -43,6 +45,8 @@ pub struct PictureStack {
     space: Space,
     level: CpuLevel,
     pictures: Vec<Place>,
+    /// One a picture, `None` where samples are taken as they are; empty where all are.
+    gains: Vec<Option<Gain>>,
     spill: Option<File>,
     spill_folder: PathBuf,
 }
@@ -64,26 +68,24 @@ const DECODER_LEAST: u64 = 4 << 20;
 const RESERVE: u64 = 48 << 20;
 
 impl PictureStack {
-    /// Decodes `paths`, whose headers `infos` were probed and found of one size.
+    /// Decodes the pictures of `capture`, keeps the part that it asks for, and hands values out with its gains.
     ///
     /// # Errors
     /// [`FormatError`] naming the picture that can't be read; [`FormatError::TooLarge`] when not
     /// even one decoder fits the memory; [`FormatError::Cancelled`].
-    pub fn load(
-        paths: &[PathBuf],
-        infos: &[PictureInfo],
-        settings: &StackSettings<'_>,
-    ) -> Result<Self, FormatError> {
-        let (width, height) = infos.first().map_or((0, 0), |info| (info.width, info.height));
+    pub fn load(capture: &OpenCapture, settings: &StackSettings<'_>) -> Result<Self, FormatError> {
+        let (paths, infos) = (&capture.capture.pictures, &capture.infos);
+        let (width, height) = capture.size();
         let channels = infos.iter().map(|info| info.channels).max().unwrap_or(1);
         let largest = infos.iter().map(PictureInfo::bytes).max().unwrap_or(0);
         let decoder = (largest * DECODER_SHARE).max(DECODER_LEAST);
-        let available = settings.memory.saturating_sub(settings.kept_back.saturating_add(RESERVE));
+        let kept_back = settings.kept_back.saturating_add(capture.gains.len() as u64 * GAIN_BYTES);
+        let available = settings.memory.saturating_sub(kept_back.saturating_add(RESERVE));
         if decoder > available {
             let path = paths.first().and_then(|path| path.parent()).unwrap_or(Path::new(""));
             return Err(FormatError::too_large(
                 path,
-                settings.kept_back.saturating_add(decoder + RESERVE),
+                kept_back.saturating_add(decoder + RESERVE),
                 settings.memory,
             ));
         }
@@ -104,9 +106,15 @@ impl PictureStack {
                 }
                 let picture = decode(path, settings.level, decoder)?;
                 if picture.info != infos[i] {
-                    return Err(FormatError::invalid(path, "changed while it was being read; run again"));
+                    return Err(FormatError::changed(path));
                 }
-                let samples = picture.samples.widened(picture.info.channels, channels);
+                let samples = match capture.crop {
+                    Some(crop) => {
+                        crop.of_samples(&picture.samples, picture.info.width, picture.info.channels)
+                    }
+                    None => picture.samples,
+                };
+                let samples = samples.widened(picture.info.channels, channels);
                 let bytes = samples.bytes();
                 let fits =
                     room.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |room| room.checked_sub(bytes));
@@ -126,7 +134,8 @@ impl PictureStack {
         let file = spill.file.into_inner().unwrap_or_else(PoisonError::into_inner);
         let spill_folder = settings.spill_folder.to_owned();
         let (space, level) = (settings.space, settings.level);
-        Ok(Self { width, height, channels, space, level, pictures, spill: file, spill_folder })
+        let gains = capture.gains.iter().map(|factors| Gain::new(*factors, channels, space)).collect();
+        Ok(Self { width, height, channels, space, level, pictures, gains, spill: file, spill_folder })
     }
 
     /// Bytes in the temporary file.
@@ -224,11 +233,16 @@ struct SpanRows<'a> {
 
 impl StackRows for SpanRows<'_> {
     fn copy(&self, light: usize, first: usize, out: &mut [f32]) {
-        let space = self.stack.space;
-        match (&self.stack.pictures[light], &self.spilled[light]) {
-            (Place::Memory(samples), _) => samples.copy_to(space, self.stack.level, self.start + first, out),
-            (Place::Spilled { .. }, Some(samples)) => samples.copy_to(space, self.stack.level, first, out),
+        let PictureStack { space, level, channels, .. } = *self.stack;
+        let channel = (self.start + first) % channels;
+        let (samples, first) = match (&self.stack.pictures[light], &self.spilled[light]) {
+            (Place::Memory(samples), _) => (samples, self.start + first),
+            (Place::Spilled { .. }, Some(samples)) => (samples, first),
             (Place::Spilled { .. }, None) => unreachable!("every spilled row was read back"),
+        };
+        match self.stack.gains.get(light) {
+            Some(Some(gain)) => gain.copy(samples, level, first, channel, out),
+            _ => samples.copy_to(space, level, first, out),
         }
     }
 }

@@ -8,6 +8,7 @@ mod textures;
 use crate::failure::Failure;
 use crate::holdout::Holdout;
 use crate::options::{ByteCount, Machine, MachineOptions, check_apart, check_writable};
+use crate::photograph_options::PhotographOptions;
 use crate::{evaluate, interrupt, notes, progress};
 use clap::{Args, ValueEnum};
 use relight_core::basis::{Domain, FAMILIES, Kernel, PointSet, Spread, SrbfDesign};
@@ -70,6 +71,8 @@ pub(crate) struct BakeArguments {
     /// How coefficients are stored without blocks; u8 by default, f16 in .exr
     #[arg(long, value_name = "PRECISION", value_enum)]
     precision: Option<PrecisionChoice>,
+    #[command(flatten)]
+    photographs: PhotographOptions,
     #[command(flatten)]
     textures: textures::TextureOptions,
     #[command(flatten)]
@@ -197,18 +200,20 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let settings = arguments.textures.settings(machine.memory)?;
     let mut stages = Stages(Vec::new());
 
-    let all = stages.time("open", || open_capture(&arguments.input))?;
+    let mut all = stages.time("open", || open_capture(&arguments.input))?;
+    let whole = all.size();
+    stages.time("adjust", || arguments.photographs.apply(&mut all, &machine, &arguments.output))?;
     notes::print(&all.capture.notes);
-    let (fitted, left_out) = split(&all, arguments.holdout.as_ref())?;
+    let (fitted, left_out) = split(&all, arguments)?;
     let judges =
         left_out.iter().flat_map(|judge| judge.capture.pictures.iter().chain([&judge.capture.light_file]));
-    let positions = arguments.positions.files();
+    let positions = arguments.positions.files().chain(arguments.photographs.files());
     let inputs: Vec<&PathBuf> =
         all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges).chain(positions).collect();
     check_apart(std::iter::once(&arguments.output).chain(&arguments.report), inputs.iter().copied())?;
     let space = arguments.space(&all);
     let layout = arguments.layout(&fitted)?;
-    let (width, height) = (fitted.infos[0].width, fitted.infos[0].height);
+    let (width, height) = fitted.size();
     let formats = arguments.textures.formats(arguments.precision.map(Precision::from), format, layout)?;
     let levels = arguments.textures.levels(width, height);
     let mut choice = fit::choose_basis(arguments, &fitted)?;
@@ -230,7 +235,9 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let precision = arguments.positions.precision(format, &arguments.output, wanted)?;
     let positions = match precision {
         Some(precision) => stages
-            .time("positions", || arguments.positions.read((width, height), machine.memory))?
+            .time("positions", || {
+                arguments.positions.read(whole, arguments.photographs.crop(), machine.memory)
+            })?
             .map(|map| AssetPositions { map, precision }),
         None => None,
     };
@@ -321,14 +328,15 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
 /// The pictures to fit, and those to judge the fit by.
 fn split(
     all: &OpenCapture,
-    holdout: Option<&Holdout>,
+    arguments: &BakeArguments,
 ) -> Result<(OpenCapture, Option<OpenCapture>), Failure> {
-    let (kept, judge) = match holdout {
+    let (kept, judge) = match &arguments.holdout {
         None => return Ok((all.clone(), None)),
         Some(Holdout::File(path)) => {
-            let judge = open_capture(path)?;
+            let mut judge = open_capture(path)?;
             notes::print(&judge.capture.notes);
             evaluate::check_size((all.infos[0].width, all.infos[0].height), &all.capture.light_file, &judge)?;
+            arguments.photographs.apply_to_judges(&mut judge, all)?;
             let places: Vec<_> = judge.capture.pictures.iter().filter_map(|path| place_of(path)).collect();
             let is_judge = |path: &Path| place_of(path).is_some_and(|place| places.contains(&place));
             let kept: Vec<usize> =
@@ -377,7 +385,7 @@ pub(crate) fn load(
         cancel: interrupt::flag(),
         progress: &|done| bar.set_position(done as u64),
     };
-    let stack = PictureStack::load(&capture.capture.pictures, &capture.infos, &settings)?;
+    let stack = PictureStack::load(capture, &settings)?;
     bar.finish_and_clear();
     Ok(stack)
 }

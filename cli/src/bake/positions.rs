@@ -5,7 +5,7 @@ use crate::options::Machine;
 use crate::positions::{DepthOptions, note, words};
 use clap::{Args, ValueEnum};
 use relight_core::PositionMap;
-use relight_formats::{AssetFormat, AssetPositions, FormatError, read_position_file, read_scene};
+use relight_formats::{AssetFormat, AssetPositions, Crop, FormatError, read_position_file, read_scene};
 use relight_texture::{PositionPlan, Precision};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -93,10 +93,11 @@ impl PositionOptions {
         Ok(Some(precision))
     }
 
-    /// Reads the positions of pictures of `width` x `height` pixels, within `memory` bytes.
+    /// Reads the positions of whole pictures of `width` x `height` pixels, within `memory` bytes, and keeps those of `crop`.
     pub(super) fn read(
         &self,
         (width, height): (usize, usize),
+        crop: Option<Crop>,
         memory: u64,
     ) -> Result<Option<PositionMap>, Failure> {
         let map = match &self.positions {
@@ -112,7 +113,14 @@ impl PositionOptions {
             );
             return Err(FormatError::invalid(path, problem).into());
         }
-        Ok(map)
+        Ok(match (map, crop) {
+            (Some(map), Some(crop)) => Some(PositionMap {
+                width: crop.width,
+                height: crop.height,
+                points: crop.part_of(&map.points, map.width, 1),
+            }),
+            (map, _) => map,
+        })
     }
 }
 

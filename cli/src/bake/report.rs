@@ -44,8 +44,8 @@ impl Summary<'_> {
         say!(
             "{}: {} x {}, {}, {}, from {} pictures",
             output.display(),
-            self.fitted.infos[0].width,
-            self.fitted.infos[0].height,
+            self.fitted.size().0,
+            self.fitted.size().1,
             fit.words(),
             self.format_names(),
             self.fitted.infos.len()
@@ -150,8 +150,8 @@ impl Summary<'_> {
         let mut report = json!({
             "relight": env!("CARGO_PKG_VERSION"),
             "output": output.to_string_lossy(),
-            "width": self.fitted.infos[0].width,
-            "height": self.fitted.infos[0].height,
+            "width": self.fitted.size().0,
+            "height": self.fitted.size().1,
             "basis": self.model.basis,
             "functions": self.model.basis.count(),
             "precision": self.format_names(),

@@ -7,6 +7,7 @@ pub mod calibration;
 mod continuation;
 mod decomposition;
 mod error;
+mod exposure;
 mod height;
 mod interpolation;
 mod learned;
@@ -24,6 +25,7 @@ mod usable;
 
 pub use decomposition::{Decomposition, LightWeights, RANK_TOLERANCE};
 pub use error::FitError;
+pub use exposure::exposure_factors;
 pub use height::{height_bytes, heights_from_normals};
 pub use learned::{LearnedDesign, LearnedFit};
 pub use least_squares::{LeastSquares, Ridge};

@@ -43,7 +43,7 @@ pub fn normal_map_bytes(pixels: u64, lights: u64, threads: u64) -> u64 {
 
 /// Finds the normal of every pixel of `stack`, whose values are linear light.
 ///
-/// `full_scale` is the value at which the pictures saturate, `None` for floats. `check` is called once a span, to call the work
+/// `full_scale` is the value at which each channel of each picture saturates, pictures one after another, empty for floats. `check` is called once a span, to call the work
 /// off. The result has the same bits with any number of threads.
 ///
 /// # Errors
@@ -52,7 +52,7 @@ pub fn normal_map<E: From<FitError> + Send>(
     stack: &dyn Stack,
     directions: &[Direction],
     method: NormalMethod,
-    full_scale: Option<f32>,
+    full_scale: &[f32],
     check: impl Fn() -> Result<(), E> + Sync,
 ) -> Result<NormalMap, E> {
     let stereo = PhotometricStereo::new(directions, method)?;

@@ -103,25 +103,28 @@ impl PhotometricStereo {
     /// The surface at a pixel of `channels` values (linear light, interleaved) under each light; `None` where fewer than
     /// three lights that don't lie in one plane tell anything: all black, or all saturated.
     ///
-    /// `full_scale` is the value at which pictures saturate; the robust method leaves out what reaches it.
+    /// `full_scale` is the value at which each of `values` saturates, empty where none does; the robust method leaves out
+    /// lights of which one reaches it.
     ///
     /// Source: Woodham, *Photometric method for determining surface orientation from multiple images*, 1980; ranks to start
     /// with as in MATH.md section 1.3; concentration steps of Rousseeuw and Van Driessen, *Computing LTS regression for large
     /// data sets*, 2006, keeping half of the lights; then Tukey's biweight.
     ///
     /// # Panics
-    /// When `values` are not those of all lights, or `channels` is not 1 or 3.
+    /// When `values` or limits are not those of all lights, or `channels` is not 1 or 3.
     pub fn surface_of(
         &mut self,
         values: &[f32],
         channels: usize,
-        full_scale: Option<f32>,
+        full_scale: &[f32],
     ) -> Option<SurfaceNormal> {
         assert!(matches!(channels, 1 | 3) && values.len() == self.lights.len() * channels, "a value a light");
-        let limit = full_scale.filter(|_| self.method == NormalMethod::Robust).unwrap_or(f32::INFINITY);
+        assert!(full_scale.is_empty() || full_scale.len() == values.len(), "a limit a value");
+        let leaves_out = self.method == NormalMethod::Robust && !full_scale.is_empty();
         self.usable.clear();
         for (light, value) in values.chunks_exact(channels).enumerate() {
-            if value.iter().all(|&v| v < limit) {
+            let limits = || &full_scale[light * channels..(light + 1) * channels];
+            if !leaves_out || value.iter().zip(limits()).all(|(v, limit)| v < limit) {
                 self.usable.push((light, grey(value)));
             }
         }

@@ -88,7 +88,7 @@ impl ChannelSample {
 }
 
 /// The sampled pixels of every picture.
-fn interleaved(stack: &dyn Stack) -> Result<Vec<Vec<f32>>, StackError> {
+pub(crate) fn interleaved(stack: &dyn Stack) -> Result<Vec<Vec<f32>>, StackError> {
     let (lights, channels) = (stack.lights(), stack.channels());
     let starts = run_starts(stack.pixels(), runs_for(lights));
     let mut values = vec![Vec::new(); lights];

@@ -11,7 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Most missing names that a message lists.
-const MOST_LISTED: usize = 5;
+pub(super) const MOST_LISTED: usize = 5;
 
 /// Likeness of two names, 0..1, from which one is proposed for the other.
 const SIMILAR: f64 = 0.7;
@@ -108,14 +108,14 @@ pub fn unmatched(file: &LightFile) -> Result<Unmatched, FormatError> {
 }
 
 /// A picture that a line names.
-struct Found {
-    path: PathBuf,
+pub(super) struct Found {
+    pub(super) path: PathBuf,
     /// Whether the line gives it another extension.
     is_other_extension: bool,
 }
 
 /// The folder of a light file, with its files under the forms of name that are looked for.
-struct Folder {
+pub(super) struct Folder {
     path: PathBuf,
     /// Sorted by name, numbers by value.
     names: Vec<OsString>,
@@ -125,7 +125,8 @@ struct Folder {
 }
 
 impl Folder {
-    fn read(light_file: &Path) -> Result<Self, FormatError> {
+    /// The folder that `light_file` is in.
+    pub(super) fn read(light_file: &Path) -> Result<Self, FormatError> {
         let path = match light_file.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
             _ => PathBuf::from("."),
@@ -149,30 +150,33 @@ impl Folder {
     }
 
     fn find_all(&self, file: &LightFile) -> Result<Vec<Option<Found>>, FormatError> {
-        let find = |entry| self.find(entry).map_err(|problem| FormatError::invalid(&file.path, problem));
+        let find = |entry: &LightEntry| {
+            self.find(&entry.name, entry.line).map_err(|problem| FormatError::invalid(&file.path, problem))
+        };
         file.entries.iter().map(find).collect()
     }
 
-    fn find(&self, entry: &LightEntry) -> Result<Option<Found>, String> {
+    /// The file that line `line` means by `name`.
+    pub(super) fn find(&self, name: &str, line: usize) -> Result<Option<Found>, String> {
         let found = |path| Ok(Some(Found { path, is_other_extension: false }));
-        let relative = PathBuf::from(entry.name.replace('\\', "/"));
+        let relative = PathBuf::from(name.replace('\\', "/"));
         if relative.components().count() > 1 && relative.is_relative() && self.path.join(&relative).is_file()
         {
             return found(self.path.join(relative));
         }
-        let base = base_name(&entry.name);
+        let base = base_name(name);
         // A name with a backslash may be a file's whole name where that is no separator.
-        if let Some(name) = self.names.iter().find(|name| **name == *entry.name) {
-            return found(self.path.join(name));
+        if let Some(file) = self.names.iter().find(|file| **file == *name) {
+            return found(self.path.join(file));
         }
-        if let Some(name) = self.names.iter().find(|name| **name == *base) {
-            return found(self.path.join(name));
+        if let Some(file) = self.names.iter().find(|file| **file == *base) {
+            return found(self.path.join(file));
         }
         let lower = base.to_lowercase();
-        if let Some(index) = self.only(&self.by_lower_name, &lower, entry)? {
+        if let Some(index) = self.only(&self.by_lower_name, &lower, (name, line))? {
             return found(self.path.join(&self.names[index]));
         }
-        let index = self.only(&self.by_lower_stem, stem(&lower), entry)?;
+        let index = self.only(&self.by_lower_stem, stem(&lower), (name, line))?;
         Ok(index.map(|index| Found { path: self.path.join(&self.names[index]), is_other_extension: true }))
     }
 
@@ -180,7 +184,7 @@ impl Folder {
         &self,
         index: &HashMap<String, Vec<usize>>,
         key: &str,
-        entry: &LightEntry,
+        (name, line): (&str, usize),
     ) -> Result<Option<usize>, String> {
         match index.get(key).map_or(&[][..], Vec::as_slice) {
             [] => Ok(None),
@@ -188,9 +192,7 @@ impl Folder {
             several => {
                 let names: Vec<_> = several.iter().map(|&at| self.names[at].to_string_lossy()).collect();
                 Err(format!(
-                    "line {}: '{}' may be any of {}; write the name of one of them",
-                    entry.line,
-                    entry.name,
+                    "line {line}: '{name}' may be any of {}; write the name of one of them",
                     names.join(", ")
                 ))
             }

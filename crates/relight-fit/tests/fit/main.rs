@@ -6,6 +6,7 @@
 
 mod calibration;
 mod determinism;
+mod exposure;
 mod hard_lights;
 mod hard_pictures;
 mod learned;

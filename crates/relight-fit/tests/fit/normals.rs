@@ -27,7 +27,8 @@ fn pictures(lights: &[Direction], channels: usize, spoilt: impl Fn(usize, usize)
 }
 
 fn map_of(pictures: &Pictures, lights: &[Direction], method: NormalMethod) -> NormalMap {
-    normal_map(pictures, lights, method, Some(1.0), || Ok::<(), FitError>(())).unwrap()
+    let full_scale = vec![1.0; lights.len() * pictures.channels];
+    normal_map(pictures, lights, method, &full_scale, || Ok::<(), FitError>(())).unwrap()
 }
 
 /// Mean angle to the true normals in degrees.
@@ -77,14 +78,14 @@ fn saturated_values_say_nothing() {
     };
     let values = exposed(1.3);
     assert!(values.iter().filter(|&&value| value == 1.0).count() >= 2, "the input must contain the hazard");
-    let found = stereo.surface_of(&values, 1, Some(1.0)).unwrap();
+    let found = stereo.surface_of(&values, 1, &[1.0; 9]).unwrap();
     assert!(
         (dot(found.normal, normal) - 1.0).abs() < 1e-9 && (found.albedo[0] - 1.3).abs() < 1e-5,
         "{found:?}"
     );
-    let taken = stereo.surface_of(&values, 1, None).unwrap();
+    let taken = stereo.surface_of(&values, 1, &[]).unwrap();
     assert!(dot(taken.normal, normal) < 0.9999, "{taken:?}");
-    assert_eq!(stereo.surface_of(&[1.0; 9], 1, Some(1.0)), None);
+    assert_eq!(stereo.surface_of(&[1.0; 9], 1, &[1.0; 9]), None);
 }
 
 #[test]
@@ -92,9 +93,9 @@ fn black_pixels_have_no_normal_and_constant_ones_have_one() {
     let lights = dome(9);
     for method in [NormalMethod::Robust, NormalMethod::LeastSquares] {
         let mut stereo = PhotometricStereo::new(&lights, method).unwrap();
-        assert_eq!(stereo.surface_of(&[0.0; 9], 1, Some(1.0)), None);
-        assert_eq!(stereo.surface_of(&[-0.5; 27], 3, None), None);
-        let constant = stereo.surface_of(&[0.5; 27], 3, None).unwrap();
+        assert_eq!(stereo.surface_of(&[0.0; 9], 1, &[1.0; 9]), None);
+        assert_eq!(stereo.surface_of(&[-0.5; 27], 3, &[]), None);
+        let constant = stereo.surface_of(&[0.5; 27], 3, &[]).unwrap();
         assert!(
             constant.normal[2] > 0.9 && constant.albedo.iter().all(|a| (0.3..0.9).contains(a)),
             "{constant:?}"
@@ -114,7 +115,7 @@ fn three_lights_are_enough_and_two_or_a_plane_of_them_are_not() {
     let mut stereo = PhotometricStereo::new(&lights, NormalMethod::Robust).unwrap();
     let normal = unit([0.1, -0.2, 1.0]).unwrap();
     let values: Vec<f32> = lights.iter().map(|l| dot(normal, l.components()) as f32).collect();
-    let found = stereo.surface_of(&values, 1, None).unwrap();
+    let found = stereo.surface_of(&values, 1, &[]).unwrap();
     assert!(dot(found.normal, normal) > 1.0 - 1e-12, "{found:?}");
     let refused = PhotometricStereo::new(&lights[..2], NormalMethod::Robust).unwrap_err();
     assert!(matches!(refused, FitError::TooFewForNormals { lights: 2 }));

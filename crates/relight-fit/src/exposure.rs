@@ -1,0 +1,138 @@
+//! How much brighter or darker each picture is than its light's direction explains.
+//!
+//! Lamps and shutters vary from picture to picture. What the surface would give under lamps all alike is taken from the
+//! surface itself: normal and albedo of a pixel by the lights that agree with each other, whatever the others say.
+
+use crate::sample::interleaved;
+use crate::{FitError, NormalMethod, PhotometricStereo};
+use rayon::prelude::*;
+use relight_core::vectors::dot;
+use relight_core::{Direction, Stack};
+
+/// Pixels that are asked, at most.
+const MOST_PIXELS: usize = 4096;
+
+/// Rounds of normals and factors; a single wrong picture is found in the first, many need a few more.
+const MOST_ROUNDS: usize = 12;
+
+/// A round that moves no factor by more than this part is the last.
+const SETTLED: f64 = 1e-3;
+
+/// Light that falls on a pixel at a cosine below this says little: shadows begin and ratios are of small numbers.
+const LEAST_COSINE: f64 = 0.35;
+
+/// Predicted values below this part of the brightest picture's mean are codes of few steps.
+const LEAST_PART: f64 = 0.1;
+
+/// Pixels that a picture's factor must rest on.
+const LEAST_PIXELS: usize = 32;
+
+/// The exposure factor of each picture of `stack`, whose values are linear light: by how much it is brighter than if its lamp were
+/// as strong as the others'; their mean is 1. `None` where too few pixels are lit to tell.
+///
+/// For each sampled pixel a normal and an albedo come from the lights that agree (as in [`PhotometricStereo`]); a picture's factor is
+/// the median over pixels of its value for the predicted one. With the pictures divided by their factors that is done again, until
+/// they stand still. What a surface cannot tell apart stays with the surface: on a flat one, factors that rise and fall linearly
+/// with direction.
+///
+/// `full_scale` is as of [`crate::normal_map`].
+///
+/// # Errors
+/// Those of [`PhotometricStereo::new`], and [`FitError::Stack`].
+pub fn exposure_factors(
+    stack: &dyn Stack,
+    directions: &[Direction],
+    full_scale: &[f32],
+) -> Result<Vec<Option<f64>>, FitError> {
+    let stereo = PhotometricStereo::new(directions, NormalMethod::Robust)?;
+    let pixels = grey_pixels(stack, full_scale)?;
+    let lights: Vec<[f64; 3]> = directions.iter().map(|direction| direction.components()).collect();
+    let count = lights.len();
+    let brightest =
+        (0..count).map(|i| mean(pixels.iter().map(|pixel| f64::from(pixel[i])))).fold(0.0, f64::max);
+
+    let mut factors = vec![1.0; count];
+    let mut told = vec![false; count];
+    for _ in 0..MOST_ROUNDS {
+        // For each pixel the ratio under each light, NaN where it says nothing.
+        let ratios: Vec<Vec<f64>> = pixels
+            .par_iter()
+            .map_init(
+                || stereo.clone(),
+                |stereo, pixel| {
+                    let divided: Vec<f32> = pixel
+                        .iter()
+                        .zip(&factors)
+                        .map(|(value, factor)| (f64::from(*value) / factor) as f32)
+                        .collect();
+                    // Saturated values are infinite, and left out so.
+                    let limits = vec![f32::MAX; count];
+                    let Some(surface) = stereo.surface_of(&divided, 1, &limits) else {
+                        return vec![f64::NAN; count];
+                    };
+                    let ratio = |(value, light): (&f32, &[f64; 3])| {
+                        let cosine = dot(surface.normal, *light);
+                        let expected = surface.albedo[0] * cosine;
+                        let tells =
+                            value.is_finite() && cosine > LEAST_COSINE && expected > LEAST_PART * brightest;
+                        if tells { f64::from(*value) / expected } else { f64::NAN }
+                    };
+                    divided.iter().zip(&lights).map(ratio).collect()
+                },
+            )
+            .collect();
+        let mut moved = 0.0f64;
+        for (light, (factor, told)) in factors.iter_mut().zip(&mut told).enumerate() {
+            let mut of_light: Vec<f64> =
+                ratios.iter().map(|ratios| ratios[light]).filter(|ratio| !ratio.is_nan()).collect();
+            *told = of_light.len() >= LEAST_PIXELS.min(pixels.len());
+            if !*told {
+                continue;
+            }
+            let middle = of_light.len() / 2;
+            let median = *of_light.select_nth_unstable_by(middle, f64::total_cmp).1;
+            // A black picture has no factor that would mend it.
+            if median > 1e-4 {
+                *factor *= median;
+                moved = moved.max((median - 1.0).abs());
+            } else {
+                *told = false;
+            }
+        }
+        let scale = mean(factors.iter().zip(&told).filter(|(_, told)| **told).map(|(factor, _)| *factor));
+        if scale > 0.0 {
+            factors.iter_mut().zip(&told).filter(|(_, told)| **told).for_each(|(factor, _)| *factor /= scale);
+        }
+        if moved < SETTLED {
+            break;
+        }
+    }
+    Ok(factors.into_iter().zip(told).map(|(factor, told)| told.then_some(factor)).collect())
+}
+
+/// Sampled pixels, each with its mean over channels under all lights; infinite where a channel is saturated.
+fn grey_pixels(stack: &dyn Stack, full_scale: &[f32]) -> Result<Vec<Vec<f32>>, FitError> {
+    let channels = stack.channels();
+    let pictures = interleaved(stack)?;
+    let count = pictures.first().map_or(0, Vec::len) / channels;
+    let step = count.div_ceil(MOST_PIXELS).max(1);
+    let value = |light: usize, pixel: usize| {
+        let values = &pictures[light][pixel * channels..(pixel + 1) * channels];
+        let mut limits = full_scale.iter().skip(light * channels);
+        match values.iter().any(|value| limits.next().is_some_and(|limit| value >= limit)) {
+            true => f32::INFINITY,
+            false => values.iter().sum::<f32>() / channels as f32,
+        }
+    };
+    let of_pixel = |pixel| (0..pictures.len()).map(|light| value(light, pixel)).collect();
+    Ok((0..count).step_by(step).map(of_pixel).collect())
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for value in values.filter(|value| value.is_finite()) {
+        sum += value;
+        count += 1;
+    }
+    sum / count.max(1) as f64
+}
