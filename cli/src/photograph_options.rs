@@ -69,6 +69,9 @@ impl FromStr for WhiteBalance {
     }
 }
 
+/// Factors beyond this are doubted when most are: on icon72, gilded and flat, they come out at 0.6 to 3 without cause.
+const DOUBTFUL: f64 = 0.1;
+
 /// Factors within this of 1 are not worth a word.
 const NOTED: f64 = 0.02;
 
@@ -215,6 +218,14 @@ fn estimated(capture: &mut OpenCapture, machine: &Machine, output: &Path) -> Res
             odd.len(),
             found.len(),
             odd.join(", ")
+        ));
+    }
+    let doubtful = found.iter().flatten().filter(|factor| (*factor - 1.0).abs() > DOUBTFUL).count();
+    if 2 * doubtful > found.len() {
+        notes.push(format!(
+            "exposure: {doubtful} of {} factors are more than 10 % off, which glossy and flat surfaces make of even lamps, too: \
+             compare --holdout with and without --exposure auto",
+            found.len()
         ));
     }
     if !untold.is_empty() {

@@ -12,11 +12,11 @@ use relight_core::{Direction, Stack};
 /// Pixels that are asked, at most.
 const MOST_PIXELS: usize = 4096;
 
-/// Rounds of normals and factors; a single wrong picture is found in the first, many need a few more.
-const MOST_ROUNDS: usize = 12;
+/// Rounds of normals and factors; a single wrong picture is found in the first, many wrong ones need more.
+const MOST_ROUNDS: usize = 40;
 
 /// A round that moves no factor by more than this part is the last.
-const SETTLED: f64 = 1e-3;
+const SETTLED: f64 = 2e-4;
 
 /// Light that falls on a pixel at a cosine below this says little: shadows begin and ratios are of small numbers.
 const LEAST_COSINE: f64 = 0.35;
