@@ -14,6 +14,7 @@ use relight_lights::{
     relight_scene,
 };
 use std::hint::black_box;
+use std::sync::Mutex;
 use std::time::Instant;
 
 fn basis(family: &str, count: usize) -> Basis {
@@ -81,13 +82,28 @@ fn least<const N: usize>(runs: usize, work: [&dyn Fn(); N]) -> [f64; N] {
     best
 }
 
-fn draw(maps: &RelightingMaps, map: Option<&PositionMap>, scene: &Scene, path: Option<Path>, step: f64) {
-    let mut plan = Plan::new(scene, &maps.model, Accuracy::Exact);
-    if path.is_some() {
-        plan.path = path;
+/// Pictures one after another, as in a sequence and as a copy's target: each in the memory of the one before.
+#[derive(Default)]
+struct Sequence(Mutex<Vec<f32>>);
+
+impl Sequence {
+    fn draw(
+        &self,
+        maps: &RelightingMaps,
+        map: Option<&PositionMap>,
+        scene: &Scene,
+        path: Option<Path>,
+        step: f64,
+    ) {
+        let mut plan = Plan::new(scene, &maps.model, Accuracy::Exact);
+        if path.is_some() {
+            plan.path = path;
+        }
+        let settings = Settings { level: CpuLevel::detect(), step, timed: false };
+        let mut memory = self.0.lock().unwrap();
+        let (picture, _) = relight_scene(maps, map, scene, &plan, &settings, std::mem::take(&mut *memory));
+        *memory = black_box(picture).samples;
     }
-    let settings = Settings { level: CpuLevel::detect(), step, timed: false };
-    black_box(relight_scene(maps, map, scene, &plan, &settings, Vec::new()));
 }
 
 fn in_pool(threads: usize, work: impl FnOnce() + Send) {
@@ -117,7 +133,7 @@ fn paths() {
     println!(
         "\npath, a point light, RGB in 8 bits, 1 MP | largest error of a function | ns a pixel | Mpix/s"
     );
-    let map = positions(1024, 1024);
+    let (map, sequence) = (positions(1024, 1024), Sequence::default());
     let scene = Scene { lights: vec![point([0.5, 0.3, 1.5], 4.0)], horizon: HorizonRule::Extrapolate };
     for (family, count) in [("srbf", 25), ("sh", 25), ("sh", 121), ("ptm", 6), ("hsh", 16)] {
         let maps = asset(family, count, 1024, 1024);
@@ -134,7 +150,8 @@ fn paths() {
         }
         for path in paths {
             let mut seconds = [0.0];
-            in_pool(1, || seconds = least(3, [&|| draw(&maps, Some(&map), &scene, Some(path), 0.0)]));
+            let draw = || sequence.draw(&maps, Some(&map), &scene, Some(path), 0.0);
+            in_pool(1, || seconds = least(9, [&draw]));
             println!(
                 "{family} {count}, {path} | {:.1e} | {:.1} | {:.1}",
                 error_of(&maps.model.basis, path),
@@ -156,7 +173,7 @@ fn bandwidth() {
             _ => unreachable!(),
         })
         .collect();
-    let target = std::sync::Mutex::new(vec![1u8; bytes.iter().map(|b| b.len()).sum()]);
+    let target = Mutex::new(vec![1u8; bytes.iter().map(|b| b.len()).sum()]);
     let copy = || {
         let mut target = target.lock().unwrap();
         for (to, from) in target.chunks_mut(bytes[0].len()).zip(&bytes) {
@@ -165,18 +182,9 @@ fn bandwidth() {
         black_box(&target[..]);
     };
     let scene = Scene { lights: vec![directional(Direction::OUT)], horizon: HorizonRule::Extrapolate };
-    let plan = Plan::new(&scene, &maps.model, Accuracy::Exact);
-    let settings = Settings { level: CpuLevel::detect(), step: 0.0, timed: false };
     let pools = [1, 2].map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap());
-    // As in a sequence, and as the copy's target: in memory that is there already.
-    let recycled = std::sync::Mutex::new(Vec::new());
-    let relight = |pool: usize| {
-        let mut recycled = recycled.lock().unwrap();
-        let samples = std::mem::take(&mut *recycled);
-        let (picture, _) =
-            pools[pool].install(|| relight_scene(&maps, None, &scene, &plan, &settings, samples));
-        *recycled = black_box(picture).samples;
-    };
+    let sequence = Sequence::default();
+    let relight = |pool: usize| pools[pool].install(|| sequence.draw(&maps, None, &scene, None, 0.0));
     let [copied, one, two] = least(5, [&copy, &|| relight(0), &|| relight(1)]);
     let gigabytes = bytes.len() as f64 * bytes[0].len() as f64 / 1e9;
     println!(
@@ -196,14 +204,14 @@ fn many_lights() {
     let few = Scene { lights: near.clone(), horizon: HorizonRule::Fade };
     let many = Scene { lights: near.into_iter().chain(far).collect(), horizon: HorizonRule::Fade };
     let step = 1.0 / (255.0 * 12.92);
-    let mut seconds = [0.0; 3];
+    let (mut seconds, sequence) = ([0.0; 3], Sequence::default());
     in_pool(1, || {
         seconds = least(
             3,
             [
-                &|| draw(&maps, Some(&map), &few, None, step),
-                &|| draw(&maps, Some(&map), &many, None, step),
-                &|| draw(&maps, Some(&map), &many, None, 0.0),
+                &|| sequence.draw(&maps, Some(&map), &few, None, step),
+                &|| sequence.draw(&maps, Some(&map), &many, None, step),
+                &|| sequence.draw(&maps, Some(&map), &many, None, 0.0),
             ],
         );
     });
@@ -219,12 +227,12 @@ fn the_papers() {
     let scenes = [directional(Direction::OUT), point([0.5, 0.3, 1.5], 4.0)]
         .map(|light| Scene { lights: vec![light], horizon: HorizonRule::Extrapolate });
     for threads in [1, 2] {
-        let mut seconds = [0.0; 2];
+        let (mut seconds, sequence) = ([0.0; 2], Sequence::default());
         in_pool(threads, || {
             seconds = least(
                 20,
-                [&|| draw(&maps, None, &scenes[0], None, 0.0), &|| {
-                    draw(&maps, Some(&map), &scenes[1], None, 0.0)
+                [&|| sequence.draw(&maps, None, &scenes[0], None, 0.0), &|| {
+                    sequence.draw(&maps, Some(&map), &scenes[1], None, 0.0)
                 }],
             );
         });

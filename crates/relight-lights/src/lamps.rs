@@ -35,11 +35,29 @@ pub(crate) struct RowLight {
 
 impl RowPositions {
     /// Of the pixels from `first` on.
-    pub(crate) fn load(&mut self, map: &PositionMap, first: usize, pixels: usize) {
-        let points = &map.points[first..first + pixels];
-        for (axis, out) in [&mut self.x, &mut self.y, &mut self.z].into_iter().enumerate() {
-            out.clear();
-            out.extend(points.iter().map(|point| point[axis]));
+    pub(crate) fn load(&mut self, level: CpuLevel, map: &PositionMap, first: usize, pixels: usize) {
+        for axis in [&mut self.x, &mut self.y, &mut self.z] {
+            axis.resize(pixels, 0.0);
+        }
+        level.run(Apart { points: &map.points[first..first + pixels], to: self });
+    }
+}
+
+/// Points to their coordinates, each axis by itself.
+struct Apart<'a> {
+    points: &'a [[f32; 3]],
+    to: &'a mut RowPositions,
+}
+
+impl Vectorized for Apart<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let n = self.points.len();
+        let (x, y, z) = (&mut self.to.x[..n], &mut self.to.y[..n], &mut self.to.z[..n]);
+        for i in 0..n {
+            [x[i], y[i], z[i]] = self.points[i];
         }
     }
 }

@@ -19,6 +19,7 @@ mod relight;
 mod rows;
 mod scene;
 mod square_table;
+mod strip;
 mod table;
 mod uniform;
 

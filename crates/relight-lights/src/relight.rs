@@ -4,12 +4,13 @@ use crate::bound::{Box3, largest_samples, negligible};
 use crate::lamps::{RowLight, RowPositions};
 use crate::path::Evaluator;
 use crate::plan::Plan;
-use crate::rows::{AddChannel, Channel, Gather, Interleave, Products, STRIP};
+use crate::rows::{AddChannel, Channel, Gather, Interleave};
 use crate::scene::{Lamp, Light, Scene};
+use crate::strip::{STRIP, Strip, rows_at_once};
 use crate::uniform::{coefficients, weighted_planes};
 use rayon::prelude::*;
 use relight_core::relighter::Picture;
-use relight_core::{CpuLevel, PlaneRole, PositionMap, RelightingMaps, Space};
+use relight_core::{CpuLevel, PlaneRole, PositionMap, RelightingMap, RelightingMaps, Space};
 use std::time::Instant;
 
 /// Pixels of a tile from left to right: a row's vectors of k functions stay in the L1 cache.
@@ -86,9 +87,11 @@ pub fn relight_scene(
     );
     let worker = Worker::new(maps, positions, scene, plan, *settings);
     let (width, channels) = (maps.width, plan.channels);
-    // Every sample is written.
+    // Every sample is written: those of the picture before may stay, and new memory comes zeroed.
     let mut samples = recycled;
-    samples.resize(maps.pixels() * channels, 0.0);
+    if samples.len() != maps.pixels() * channels {
+        samples = vec![0.0; maps.pixels() * channels];
+    }
     let reports: Vec<Report> = samples
         .par_chunks_mut(TILE_HEIGHT * width * channels)
         .enumerate()
@@ -131,24 +134,34 @@ struct Worker<'a> {
     plan: &'a Plan,
     settings: Settings,
     evaluator: Option<Evaluator>,
+    /// Those of [`PlaneRole::Coefficient`].
+    coefficients: Vec<&'a RelightingMap>,
     /// Of the asset: one or three.
     channels: Vec<Channel<'a>>,
+    /// Whether the same weights make the same sum of all of them.
+    alike: bool,
     /// The most that a sample can be; 1 where that decides nothing.
     largest: [f64; 3],
 }
 
 /// Working space of a band.
-struct Workspace {
+struct Workspace<'a> {
     positions: RowPositions,
     light: RowLight,
     /// k rows.
     functions: Vec<f32>,
     /// k rows, summed over the lights of a group.
     weights: Vec<f32>,
-    /// A row for each plane of the asset.
-    planes: Vec<f32>,
+    products: Workplace<'a>,
+}
+
+/// Where functions meet coefficients.
+struct Workplace<'a> {
+    strip: Strip<'a>,
     sum: Vec<f32>,
-    /// By channel.
+    /// Base colour.
+    factor: Vec<f32>,
+    /// The picture's, by channel.
     sums: Vec<f32>,
 }
 
@@ -169,17 +182,19 @@ impl<'a> Worker<'a> {
                 mean: mean.map(usize::from),
             })
             .collect();
-        for (index, role) in maps.model.roles().into_iter().enumerate() {
+        let mut coefficients = Vec::new();
+        for (plane, role) in maps.planes.iter().zip(maps.model.roles()) {
             match role {
                 PlaneRole::Coefficient { functions } => {
                     for (channel, function) in channels.iter_mut().zip(functions) {
                         if let Some(function) = function {
-                            channel.planes.push((&maps.planes[index], usize::from(function)));
-                            channel.indices.push(index);
+                            channel.planes.push((plane, usize::from(function)));
+                            channel.indices.push(coefficients.len());
                         }
                     }
+                    coefficients.push(plane);
                 }
-                PlaneRole::BaseColor { channel } => channels[usize::from(channel)].factor = Some(index),
+                PlaneRole::BaseColor { channel } => channels[usize::from(channel)].factor = Some(plane),
             }
         }
         // Without a step only a light that can't reach is left out, whatever the asset holds.
@@ -192,6 +207,8 @@ impl<'a> Worker<'a> {
             plan,
             settings,
             evaluator: plan.evaluator(&maps.model),
+            coefficients,
+            alike: channels.iter().all(|channel| channel.sums_like(&channels[0])),
             channels,
             largest,
         }
@@ -225,9 +242,12 @@ impl<'a> Worker<'a> {
             light: RowLight::default(),
             functions: vec![0.0; count * TILE_WIDTH],
             weights: vec![0.0; count * TILE_WIDTH],
-            planes: vec![0.0; self.maps.planes.len() * STRIP],
-            sum: vec![0.0; TILE_WIDTH],
-            sums,
+            products: Workplace {
+                strip: Strip::new(&self.coefficients),
+                sum: vec![0.0; TILE_WIDTH],
+                factor: vec![0.0; TILE_WIDTH],
+                sums,
+            },
         };
         let tiles: Vec<Tile> = (0..width)
             .step_by(TILE_WIDTH)
@@ -237,11 +257,14 @@ impl<'a> Worker<'a> {
                 Tile { column, pixels, lit: skipped.iter().any(|skipped| !skipped), skipped }
             })
             .collect();
-        for (row, out) in out.chunks_exact_mut(width * self.plan.channels).enumerate() {
-            let first = (first_row + row) * width;
+        let at_once = rows_at_once(width);
+        for (run, out) in out.chunks_mut(at_once * width * self.plan.channels).enumerate() {
+            let first = (first_row + run * at_once) * width;
+            let rows = out.len() / (width * self.plan.channels);
+            // Several rows are no more than one strip.
             let strips = out.chunks_mut(STRIP * self.plan.channels).zip(tiles.chunks(STRIP / TILE_WIDTH));
             for (out, tiles) in strips {
-                self.strip(positions, first, tiles, &mut space, out, &mut report);
+                self.strip(positions, (first, rows), tiles, &mut space, out, &mut report);
             }
         }
         report.negative = negative_samples(out);
@@ -272,13 +295,13 @@ impl<'a> Worker<'a> {
                     weighted_planes(self.settings.level, &planes, mean, first, &mut sum);
                     summed = Some((channel, weights));
                 }
-                let scaled = channel.factor.map(|plane| {
-                    coefficients(self.settings.level, &self.maps.planes[plane], first, &mut factor);
+                let factor = channel.factor.map(|plane| {
+                    coefficients(self.settings.level, plane, first, &mut factor);
                     &factor[..]
                 });
                 self.settings.level.run(AddChannel {
                     sum: &sum,
-                    factor: scaled,
+                    factor,
                     decode: self.maps.model.space == Space::Encoded,
                     strength: None,
                     color: pass.color[c],
@@ -320,42 +343,44 @@ impl<'a> Worker<'a> {
         skipped
     }
 
-    /// Draws tiles that lie side by side in the row of pixels that begins at `first`.
+    /// Draws tiles that lie side by side in some rows of pixels, of which the first begins at `first`.
     fn strip(
         &self,
         map: &PositionMap,
-        first: usize,
+        (first, rows): (usize, usize),
         tiles: &[Tile],
-        space: &mut Workspace,
+        space: &mut Workspace<'_>,
         out: &mut [f32],
         report: &mut Report,
     ) {
         let (level, channels) = (self.settings.level, self.plan.channels);
-        let (start, pixels) = (first + tiles[0].column, out.len() / channels);
+        let (first, pixels) = (first + tiles[0].column, out.len() / channels);
+        let columns = pixels / rows;
         let clock = self.clock();
-        let sums = &mut space.sums[..out.len()];
+        let sums = &mut space.products.sums[..out.len()];
         sums.fill(0.0);
-        self.uniform(start, sums);
+        self.uniform(first, sums);
         report.uniform_seconds += seconds(clock);
         if tiles.iter().any(|tile| tile.lit) {
-            // Along the whole strip, which the processor sees coming; tiles apart it would not.
-            for (plane, values) in self.maps.planes.iter().zip(space.planes.chunks_exact_mut(STRIP)) {
-                coefficients(level, plane, start, &mut values[..pixels]);
+            // All of the strip, which the processor sees coming; tiles apart it would not.
+            space.products.strip.load(level, first, pixels);
+        }
+        for row in 0..rows {
+            for tile in tiles.iter().filter(|tile| tile.lit) {
+                let offset = row * columns + tile.column - tiles[0].column;
+                space.positions.load(level, map, first + offset, tile.pixels);
+                let place = Place { first, offset, pixels: tile.pixels, stride: pixels };
+                let mut number = 0;
+                for group in &self.plan.local {
+                    let numbers = number..number + group.len();
+                    let skipped = &tile.skipped[numbers.clone()];
+                    let reports = &mut report.local[numbers.clone()];
+                    self.group(group, skipped, place, space, reports, &mut report.at_surface);
+                    number = numbers.end;
+                }
             }
         }
-        for tile in tiles.iter().filter(|tile| tile.lit) {
-            space.positions.load(map, first + tile.column, tile.pixels);
-            let place = Place { offset: first + tile.column - start, pixels: tile.pixels, stride: pixels };
-            let mut number = 0;
-            for group in &self.plan.local {
-                let numbers = number..number + group.len();
-                let skipped = &tile.skipped[numbers.clone()];
-                let reports = &mut report.local[numbers.clone()];
-                self.group(group, skipped, place, space, reports, &mut report.at_surface);
-                number = numbers.end;
-            }
-        }
-        level.run(Interleave { sums: &space.sums[..out.len()], out, channels });
+        level.run(Interleave { sums: &space.products.sums[..out.len()], out, channels });
     }
 
     /// Adds the lights of one colour to a row of a tile.
@@ -364,7 +389,7 @@ impl<'a> Worker<'a> {
         group: &[usize],
         skipped: &[bool],
         place: Place,
-        space: &mut Workspace,
+        space: &mut Workspace<'_>,
         reports: &mut [LightReport],
         at_surface: &mut usize,
     ) {
@@ -399,49 +424,47 @@ impl<'a> Worker<'a> {
                     });
                     waiting = true;
                 } else {
-                    let Workspace { functions, planes, sum, light: row, sums, .. } = space;
+                    let Workspace { functions, light: row, products, .. } = space;
                     let strength = Some(Strength { row: &row.strength, gobo: row.gobo.as_ref() });
-                    let weights = &functions[..count * pixels];
-                    self.add_sums(place, weights, planes, &mut sum[..pixels], color, strength, sums);
+                    self.add_sums(place, &functions[..count * pixels], color, strength, products);
                 }
             }
             report.seconds += seconds(start);
         }
         if waiting {
-            let Workspace { weights, planes, sum, sums, .. } = space;
-            let weights = &weights[..count * pixels];
-            self.add_sums(place, weights, planes, &mut sum[..pixels], color, None, sums);
+            self.add_sums(place, &space.weights[..count * pixels], color, None, &mut space.products);
         }
     }
 
     /// Adds, by channel, color x the sum over functions of weight x coefficient to a strip's sums.
-    #[expect(clippy::too_many_arguments, reason = "a strip's state, borrowed apart")]
     fn add_sums(
         &self,
         place: Place,
         weights: &[f32],
-        planes: &[f32],
-        sum: &mut [f32],
         color: [f32; 3],
         strength: Option<Strength<'_>>,
-        sums: &mut [f32],
+        products: &mut Workplace<'_>,
     ) {
-        let Place { offset, pixels, stride } = place;
+        let Place { first, offset, pixels, stride } = place;
         let level = self.settings.level;
-        let alike = self.channels.iter().all(|channel| channel.sums_like(&self.channels[0]));
+        let Workplace { strip, sum, factor, sums } = products;
+        let (sum, factor) = (&mut sum[..pixels], &mut factor[..pixels]);
         for (c, total) in sums.chunks_exact_mut(stride).take(self.plan.channels).enumerate() {
-            let total = &mut total[offset..offset + pixels];
             let channel = &self.channels[c.min(self.channels.len() - 1)];
-            if c == 0 || !alike {
-                level.run(Products { weights, planes: &planes[offset..], channel, sum });
+            if c == 0 || !self.alike {
+                strip.products(level, offset, weights, channel, sum);
             }
+            let factor = channel.factor.map(|plane| {
+                coefficients(level, plane, first + offset, factor);
+                &*factor
+            });
             level.run(AddChannel {
                 sum,
-                factor: channel.factor.map(|plane| &planes[plane * STRIP + offset..][..pixels]),
+                factor,
                 decode: self.maps.model.space == Space::Encoded,
                 strength: strength.as_ref().map(|s| (s.row, s.gobo.map(|gobo| &gobo[c][..]))),
                 color: color[c],
-                total,
+                total: &mut total[offset..offset + pixels],
             });
         }
     }
@@ -461,9 +484,12 @@ struct Tile {
     lit: bool,
 }
 
-/// Where a tile lies in its strip.
+/// Where a tile's row lies in its strip.
 #[derive(Clone, Copy)]
 struct Place {
+    /// The strip's first pixel.
+    first: usize,
+    /// Pixels of the strip before it.
     offset: usize,
     pixels: usize,
     /// Pixels of the strip.

@@ -3,15 +3,12 @@
 use crate::elementary::linear_from_srgb;
 use relight_core::{RelightingMap, Vectorized};
 
-/// Pixels whose coefficients are decoded at a time for local lights.
-pub(crate) const STRIP: usize = 2048;
-
 /// The planes of a channel, by function, what is added to their sum and what multiplies it.
 pub(crate) struct Channel<'a> {
     pub(crate) planes: Vec<(&'a RelightingMap, usize)>,
-    /// Indices of `planes` among all.
+    /// Indices of `planes` among the asset's coefficients.
     pub(crate) indices: Vec<usize>,
-    pub(crate) factor: Option<usize>,
+    pub(crate) factor: Option<&'a RelightingMap>,
     /// The function that counts without a plane.
     pub(crate) mean: Option<usize>,
 }
@@ -19,8 +16,10 @@ pub(crate) struct Channel<'a> {
 impl Channel<'_> {
     /// Whether the same weights make the same sum of both.
     pub(crate) fn sums_like(&self, other: &Self) -> bool {
-        let functions = |channel: &Self| channel.planes.iter().map(|(_, f)| *f).collect::<Vec<_>>();
-        self.indices == other.indices && self.mean == other.mean && functions(self) == functions(other)
+        let functions = self.planes.iter().map(|(_, function)| function);
+        self.indices == other.indices
+            && self.mean == other.mean
+            && functions.eq(other.planes.iter().map(|(_, function)| function))
     }
 }
 
@@ -49,48 +48,6 @@ impl Vectorized for Gather<'_> {
                     weights[i] += functions[i] * self.strength[i];
                 }
             }
-        }
-    }
-}
-
-/// The sum over a channel's planes of weight x coefficient, at each pixel.
-pub(crate) struct Products<'a, 'b> {
-    /// By function.
-    pub(crate) weights: &'a [f32],
-    /// By plane, rows of [`STRIP`].
-    pub(crate) planes: &'a [f32],
-    pub(crate) channel: &'a Channel<'b>,
-    pub(crate) sum: &'a mut [f32],
-}
-
-impl Vectorized for Products<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        const LANES: usize = 64;
-        let n = self.sum.len();
-        let terms = || self.channel.planes.iter().zip(&self.channel.indices);
-        let whole = n / LANES * LANES;
-        for first in (0..whole).step_by(LANES) {
-            let mut sums = [0.0f32; LANES];
-            if let Some(mean) = self.channel.mean {
-                sums.copy_from_slice(&self.weights[mean * n + first..][..LANES]);
-            }
-            for ((_, function), plane) in terms() {
-                let weights = &self.weights[function * n + first..][..LANES];
-                let coefficients = &self.planes[plane * STRIP + first..][..LANES];
-                for i in 0..LANES {
-                    sums[i] += weights[i] * coefficients[i];
-                }
-            }
-            self.sum[first..first + LANES].copy_from_slice(&sums);
-        }
-        for i in whole..n {
-            let mean = self.channel.mean.map_or(0.0, |mean| self.weights[mean * n + i]);
-            self.sum[i] = terms().fold(mean, |sum, ((_, function), plane)| {
-                sum + self.weights[function * n + i] * self.planes[plane * STRIP + i]
-            });
         }
     }
 }
