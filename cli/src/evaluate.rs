@@ -172,7 +172,7 @@ fn relit(maps: &RelightingMaps, light: relight_core::Direction, linear: bool, ma
 }
 
 /// Both with as many channels as the richer one.
-fn same_channels(a: Picture, b: Picture) -> (Picture, Picture) {
+pub(crate) fn same_channels(a: Picture, b: Picture) -> (Picture, Picture) {
     let channels = a.channels.max(b.channels);
     let widened = |picture: Picture| {
         if picture.channels == channels {

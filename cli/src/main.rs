@@ -5,8 +5,10 @@
 
 mod bake;
 mod calibrate;
+mod convert;
 mod evaluate;
 mod failure;
+mod function_options;
 mod holdout;
 mod info;
 mod interrupt;
@@ -44,6 +46,8 @@ struct Arguments {
 enum Command {
     /// Fit pictures under known lights and write a relightable asset
     Bake(Box<bake::BakeArguments>),
+    /// Make an asset of another format, basis or precision of an asset, and say what that loses
+    Convert(Box<convert::ConvertArguments>),
     /// Light an asset anew and write pictures
     Render(render::RenderArguments),
     /// Look into a relit panorama, or at a mesh with a relit texture
@@ -84,6 +88,7 @@ fn main() -> ExitCode {
     interrupt::watch();
     let result = std::panic::catch_unwind(|| match arguments.command {
         Command::Bake(arguments) => bake::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::View(arguments) => view::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),

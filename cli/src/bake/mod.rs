@@ -3,16 +3,17 @@
 mod fit;
 mod positions;
 mod report;
-mod textures;
+pub(crate) mod textures;
 
 use crate::failure::Failure;
+use crate::function_options::{FunctionOptions, family_of_name, size_of};
 use crate::holdout::Holdout;
 use crate::options::{ByteCount, Machine, MachineOptions, check_apart, check_writable};
 use crate::photograph_options::PhotographOptions;
 use crate::{evaluate, interrupt, notes, progress};
 use clap::{Args, ValueEnum};
-use relight_core::basis::{Domain, FAMILIES, Kernel, PointSet, Spread, SrbfDesign};
-use relight_core::{Layout, Model, Space, Stack};
+use relight_core::basis::SrbfDesign;
+use relight_core::{Family, Layout, Model, Space, Stack};
 use relight_fit::{
     LearnedDesign, LightWeights, Ridge, coefficient_distributions, coefficient_sample, for_each_span,
     span_bytes,
@@ -21,7 +22,7 @@ use relight_formats::{
     AssetFormat, AssetHeader, AssetPlan, AssetPositions, OpenCapture, Parts, PictureStack, StackSettings,
     open_capture, place_of,
 };
-use relight_texture::{Precision, needs_rows, span_pixels, working_bytes};
+use relight_texture::{needs_rows, span_pixels, working_bytes};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -36,15 +37,8 @@ pub(crate) struct BakeArguments {
     /// Family of functions: ptm, sh, hsh, srbf, or pca for planes learned from the pictures
     #[arg(long, value_name = "NAME", default_value = "ptm")]
     basis: String,
-    /// Number of functions of light; of pca, planes
-    #[arg(short, long, value_name = "N", conflicts_with_all = ["order", "degree"], value_parser = size_of, allow_negative_numbers = true)]
-    k: Option<usize>,
-    /// Order of sh and hsh, instead of -k
-    #[arg(long, value_name = "N", conflicts_with = "degree", value_parser = size_of, allow_negative_numbers = true)]
-    order: Option<usize>,
-    /// Degree of ptm, instead of -k
-    #[arg(long, value_name = "N", value_parser = size_of, allow_negative_numbers = true)]
-    degree: Option<usize>,
+    #[command(flatten)]
+    functions: FunctionOptions,
     /// Three planes a function, or luminance planes and a base colour; of pca: planes of any colour, or of
     /// luminance or chrominance each
     #[arg(long, value_name = "COLOR", value_enum, default_value = "rgb")]
@@ -68,9 +62,6 @@ pub(crate) struct BakeArguments {
     /// Weight of each light: by the area of its cell on the sphere, or all alike
     #[arg(long, value_name = "WEIGHTS", value_enum, default_value = "voronoi")]
     weights: Weights,
-    /// How coefficients are stored without blocks; u8 by default, f16 in .exr
-    #[arg(long, value_name = "PRECISION", value_enum)]
-    precision: Option<PrecisionChoice>,
     #[command(flatten)]
     photographs: PhotographOptions,
     #[command(flatten)]
@@ -80,19 +71,6 @@ pub(crate) struct BakeArguments {
     /// Pictures to leave out and judge by: every:N, random:N, random:N:SEED or FILE.lp
     #[arg(long, value_name = "WHICH")]
     holdout: Option<Holdout>,
-    /// SRBF: where centres come from [default: fibonacci]
-    #[arg(long, value_name = "SET", value_enum)]
-    points: Option<Points>,
-    /// SRBF: the part of the sphere that centres cover [default: auto]
-    #[arg(long, value_name = "DOMAIN", value_enum)]
-    domain: Option<DomainChoice>,
-    /// SRBF: spread as a factor of the centres' mean nearest distance, or 'paper' for the least
-    /// [default: 0.85]
-    #[arg(long, value_name = "FACTOR", value_parser = spread_of, allow_negative_numbers = true)]
-    spread: Option<Spread>,
-    /// SRBF: the functions' shape [default: geodesic]
-    #[arg(long, value_name = "KERNEL", value_enum)]
-    kernel: Option<KernelChoice>,
     /// Write figures of the fit, each light's errors and times as JSON
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -100,8 +78,9 @@ pub(crate) struct BakeArguments {
     machine: MachineOptions,
 }
 
+/// How channels share planes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Color {
+pub(crate) enum Color {
     Rgb,
     Lrgb,
     Ycc,
@@ -120,37 +99,6 @@ enum Weights {
     Uniform,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum PrecisionChoice {
-    U8,
-    F16,
-    F32,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Points {
-    Hammersley2,
-    Hammersley3,
-    Fibonacci,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum DomainChoice {
-    Auto,
-    Sphere,
-    Cap,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum KernelChoice {
-    Geodesic,
-    Spherical,
-}
-
-fn size_of(text: &str) -> Result<usize, String> {
-    text.parse().map_err(|_| "write a whole number such as 9".to_owned())
-}
-
 fn decibels_of(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(decibels) if (0.0..=120.0).contains(&decibels) => Ok(decibels),
@@ -165,17 +113,6 @@ fn ridge_of(text: &str) -> Result<Ridge, String> {
         _ => Err("write auto or a number from 0 to 1".to_owned()),
     }
 }
-
-fn spread_of(text: &str) -> Result<Spread, String> {
-    match text.parse::<f64>() {
-        _ if text == "paper" => Ok(Spread::LeastDistance),
-        Ok(factor) if (0.1..=10.0).contains(&factor) => Ok(Spread::OfMean(factor)),
-        _ => Err("write paper or a factor from 0.1 to 10".to_owned()),
-    }
-}
-
-/// The largest --order or --degree that is counted out; all families end far below.
-const LARGEST_SIZE: usize = 20;
 
 /// Seconds that each stage took, in order.
 pub(crate) struct Stages(Vec<(&'static str, f64)>);
@@ -214,7 +151,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let space = arguments.space(&all);
     let layout = arguments.layout(&fitted)?;
     let (width, height) = fitted.size();
-    let formats = arguments.textures.formats(arguments.precision.map(Precision::from), format, layout)?;
+    let formats = arguments.textures.formats(format.precisions[0], format, layout)?;
     let levels = arguments.textures.levels(width, height);
     let mut choice = fit::choose_basis(arguments, &fitted)?;
     if let Some(budget) = arguments.budget_bytes {
@@ -390,16 +327,6 @@ pub(crate) fn load(
     Ok(stack)
 }
 
-impl From<PrecisionChoice> for Precision {
-    fn from(choice: PrecisionChoice) -> Self {
-        match choice {
-            PrecisionChoice::U8 => Self::U8,
-            PrecisionChoice::F16 => Self::F16,
-            PrecisionChoice::F32 => Self::F32,
-        }
-    }
-}
-
 impl BakeArguments {
     fn space(&self, capture: &OpenCapture) -> Space {
         match self.space {
@@ -455,63 +382,16 @@ impl BakeArguments {
 
     /// The number of functions asked for by -k, --order or --degree; `None` for the default.
     fn asked_count(&self) -> Result<Option<usize>, Failure> {
-        let family = self.family()?;
-        let sized = |word: &str, size: Option<usize>| match (size, family.size) {
-            (None, _) => Ok(None),
-            (Some(size), Some(named)) if named.word == word && size <= LARGEST_SIZE => {
-                Ok(Some((named.count_of)(size)))
-            }
-            (Some(size), Some(named)) if named.word == word => Err(Failure::usage(format!(
-                "basis {} has no --{word} {size}; it has -k {}",
-                family.name, family.counts
-            ))),
-            (Some(_), named) => {
-                let takes = named.map_or("-k".to_owned(), |named| format!("-k or --{}", named.word));
-                Err(Failure::usage(format!("basis {} takes no --{word}; use {takes}", family.name)))
-            }
-        };
-        Ok(self.k.or(sized("order", self.order)?).or(sized("degree", self.degree)?))
+        self.functions.asked_count(self.family()?)
     }
 
-    fn family(&self) -> Result<&'static relight_core::Family, Failure> {
-        relight_core::Family::by_name(&self.basis).ok_or_else(|| {
-            let names: Vec<_> = FAMILIES.iter().map(|family| family.name).collect();
-            Failure::usage(format!("unknown basis '{}'; there are: {}", self.basis, names.join(", ")))
-        })
+    fn family(&self) -> Result<&'static Family, Failure> {
+        family_of_name(&self.basis)
     }
 
     /// The choices of the SRBF family; an error when they are given for another one.
     fn srbf(&self) -> Result<SrbfDesign, Failure> {
-        let given = [
-            ("points", self.points.is_some()),
-            ("domain", self.domain.is_some()),
-            ("spread", self.spread.is_some()),
-            ("kernel", self.kernel.is_some()),
-        ];
-        if let Some((flag, _)) = given.iter().find(|(_, given)| *given).filter(|_| self.basis != "srbf") {
-            return Err(Failure::usage(format!(
-                "--{flag} belongs to --basis srbf; {} has no such choice",
-                self.basis
-            )));
-        }
-        let default = SrbfDesign::default();
-        Ok(SrbfDesign {
-            points: self.points.map_or(default.points, |points| match points {
-                Points::Hammersley2 => PointSet::Hammersley2,
-                Points::Hammersley3 => PointSet::Hammersley3,
-                Points::Fibonacci => PointSet::Fibonacci,
-            }),
-            domain: self.domain.map_or(default.domain, |domain| match domain {
-                DomainChoice::Auto => Domain::Auto,
-                DomainChoice::Sphere => Domain::Sphere,
-                DomainChoice::Cap => Domain::Cap,
-            }),
-            spread: self.spread.unwrap_or(default.spread),
-            kernel: self.kernel.map_or(default.kernel, |kernel| match kernel {
-                KernelChoice::Geodesic => Kernel::Geodesic,
-                KernelChoice::Spherical => Kernel::Spherical,
-            }),
-        })
+        self.functions.srbf(&self.basis)
     }
 
     fn weighting(&self) -> LightWeights {

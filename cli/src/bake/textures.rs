@@ -2,7 +2,7 @@
 
 use crate::failure::{Exit, Failure};
 use crate::options::WrapChoice;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use relight_core::{CoefficientDistribution, CoefficientSample, CoefficientSpan, Layout, Model};
 use relight_formats::{AssetFormat, WriteSettings, plane_names};
@@ -14,7 +14,10 @@ use relight_texture::{
 
 /// How coefficients become textures.
 #[derive(Args, Debug)]
-pub(super) struct TextureOptions {
+pub(crate) struct TextureOptions {
+    /// How coefficients are stored without blocks; u8 by default, f16 in .exr
+    #[arg(long, value_name = "PRECISION", value_enum)]
+    precision: Option<PrecisionChoice>,
     /// Block compression: none, bc1, bc3, bc4, bc4s, bc5, bc5s, bc6h, bc6hs, bc7, or auto (a format
     /// for each map by what its error does to relit pictures)
     #[arg(long, value_name = "FORMAT", default_value = "none", value_parser = block_of)]
@@ -40,9 +43,9 @@ pub(super) struct TextureOptions {
     /// Store mip levels down to 1 x 1, filtered from the coefficients
     #[arg(long)]
     mips: bool,
-    /// What samplers shall do beyond the edge; stored for engines and shaders
-    #[arg(long, value_name = "MODE", value_enum, default_value = "clamp")]
-    wrap: WrapChoice,
+    /// What samplers shall do beyond the edge; stored for engines and shaders [default: clamp]
+    #[arg(long, value_name = "MODE", value_enum)]
+    wrap: Option<WrapChoice>,
     /// Compress .ktx2 with zstd, at a level from 1 to 19
     #[arg(long, value_name = "LEVEL", num_args = 0..=1, require_equals = true, default_missing_value = "12", value_parser = clap::value_parser!(i32).range(1..=19))]
     zstd: Option<i32>,
@@ -59,6 +62,23 @@ enum BlockChoice {
     None,
     Only(BlockFormat),
     Auto,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PrecisionChoice {
+    U8,
+    F16,
+    F32,
+}
+
+impl From<PrecisionChoice> for Precision {
+    fn from(choice: PrecisionChoice) -> Self {
+        match choice {
+            PrecisionChoice::U8 => Self::U8,
+            PrecisionChoice::F16 => Self::F16,
+            PrecisionChoice::F32 => Self::F32,
+        }
+    }
 }
 
 fn block_of(text: &str) -> Result<BlockChoice, String> {
@@ -108,7 +128,7 @@ const AUTO: [&[TexelFormat]; 2] = [
 ];
 
 /// Blocks of 4 x 4 pixels on which formats are tried.
-pub(super) const TRIAL_BLOCKS: usize = 1024;
+pub(crate) const TRIAL_BLOCKS: usize = 1024;
 
 /// A row of trial blocks.
 const TRIAL_ROW: usize = 32;
@@ -129,17 +149,17 @@ const AS_IT_IS: RangeChoice = RangeChoice { quantizer: Quantizer::PLAIN, clipped
 type ArrayLayers = (TexelFormat, Vec<Vec<usize>>);
 
 /// On what formats are tried.
-pub(super) struct Trial {
-    pub(super) sample: CoefficientSample,
+pub(crate) struct Trial {
+    pub(crate) sample: CoefficientSample,
     /// Root mean square error of predicting each light from the others.
-    pub(super) left_out: Vec<f64>,
+    pub(crate) left_out: Vec<f64>,
 }
 
 /// Where every plane lies, and how its range was chosen.
-pub(super) struct Plan {
-    pub(super) packing: Packing,
+pub(crate) struct Plan {
+    pub(crate) packing: Packing,
     /// One a plane.
-    pub(super) ranges: Vec<RangeChoice>,
+    pub(crate) ranges: Vec<RangeChoice>,
 }
 
 impl TextureOptions {
@@ -147,7 +167,7 @@ impl TextureOptions {
     ///
     /// # Errors
     /// Exit code 6 for an encoder that this program lacks.
-    pub(super) fn coding(&self) -> Result<Coding, Failure> {
+    pub(crate) fn coding(&self) -> Result<Coding, Failure> {
         if !self.encoder.available() {
             let message = format!(
                 "--encoder {} is not in this program; it comes with the cargo feature ispc on x86-64 and ARM64",
@@ -163,7 +183,7 @@ impl TextureOptions {
     ///
     /// # Errors
     /// As [`Self::coding`].
-    pub(super) fn settings(&self, memory_limit: u64) -> Result<WriteSettings, Failure> {
+    pub(crate) fn settings(&self, memory_limit: u64) -> Result<WriteSettings, Failure> {
         Ok(WriteSettings {
             coding: self.coding()?,
             zstd: self.zstd,
@@ -173,29 +193,41 @@ impl TextureOptions {
         })
     }
 
+    /// What lies beyond the edge, if the options say.
+    pub(crate) fn wrap(&self) -> Option<Wrap> {
+        self.wrap.map(WrapChoice::mode)
+    }
+
+    /// Whether ranges are chosen by the planes themselves, so that codes that fit one need not change.
+    pub(crate) fn has_usual_ranges(&self) -> bool {
+        self.range == RangeRule::default()
+    }
+
     /// Whether formats are chosen by trial.
-    pub(super) fn tries(&self) -> bool {
+    pub(crate) fn tries(&self) -> bool {
         self.block == BlockChoice::Auto
     }
 
     /// Mip levels of such a picture.
-    pub(super) fn levels(&self, width: usize, height: usize) -> usize {
+    pub(crate) fn levels(&self, width: usize, height: usize) -> usize {
         if self.mips { full_levels(width, height) } else { 1 }
     }
 
-    /// The formats that may be taken, the first the one for want of a trial.
+    /// The formats that may be taken, the first the one for want of a trial; `usual` is the precision where
+    /// none is asked for.
     ///
     /// # Errors
     /// Exit code 2 for options that exclude each other.
-    pub(super) fn formats(
+    pub(crate) fn formats(
         &self,
-        precision: Option<Precision>,
+        usual: Precision,
         format: &AssetFormat,
         layout: Layout,
     ) -> Result<Vec<TexelFormat>, Failure> {
         if self.bits_per_pixel.is_some() && self.block != BlockChoice::Auto {
             return Err(Failure::usage("--bits-per-pixel belongs to --block auto"));
         }
+        let precision = self.precision.map(Precision::from);
         if let (Some(precision), true) = (precision, self.block != BlockChoice::None) {
             let message = format!(
                 "--precision {} and --block exclude each other: blocks have a precision of their own",
@@ -205,7 +237,7 @@ impl TextureOptions {
         }
         Ok(match self.block {
             BlockChoice::Only(block) => vec![TexelFormat::Block(block)],
-            BlockChoice::None => vec![format.plain_format(layout, precision.unwrap_or(format.precisions[0]))],
+            BlockChoice::None => vec![format.plain_format(layout, precision.unwrap_or(usual))],
             BlockChoice::Auto => match layout {
                 Layout::Rgb => AUTO[0].to_vec(),
                 Layout::Grey => AUTO[1].to_vec(),
@@ -219,7 +251,7 @@ impl TextureOptions {
     /// # Errors
     /// Exit code 5 when no choice of formats stays within --bits-per-pixel; exit code 3 for a plane
     /// that is not finite.
-    pub(super) fn plan(
+    pub(crate) fn plan(
         &self,
         model: &Model,
         size: (usize, usize),
@@ -239,7 +271,7 @@ impl TextureOptions {
             }
         }
         let arrays = arrays.into_iter().map(|(format, layers)| array(format, layers, &ranges)).collect();
-        let wrap = self.wrap.mode();
+        let wrap = self.wrap().unwrap_or_default();
         Ok(Plan { packing: Packing { arrays, levels: self.levels(size.0, size.1), wrap }, ranges })
     }
 
@@ -338,7 +370,7 @@ impl TextureOptions {
 }
 
 /// A sentence where some engines want another size than the picture's.
-pub(super) fn size_note(packing: &Packing, width: usize, height: usize) -> Option<String> {
+pub(crate) fn size_note(packing: &Packing, width: usize, height: usize) -> Option<String> {
     let blocks = packing.formats().any(|format| format.unit_size() > 1);
     let filled = [width, height].map(|size| size.next_multiple_of(4));
     (blocks && filled != [width, height]).then(|| {

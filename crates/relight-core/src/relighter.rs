@@ -8,7 +8,7 @@ use crate::maps::RelightingMaps;
 use crate::model::{PlaneRole, Space};
 use crate::transfer::{linear_from_srgb, srgb_from_linear};
 use crate::weighted_sums::{Rows, weighted_sums};
-use crate::{CpuLevel, Direction};
+use crate::{CpuLevel, Direction, Model};
 use rayon::prelude::*;
 
 /// Pixels relit at a time: their planes' rows stay in the L2 cache.
@@ -45,45 +45,53 @@ struct ChannelTerms {
     mean: f32,
 }
 
-/// The planes and weights of each channel under `light`, and the planes that multiply them.
-fn terms_of(maps: &RelightingMaps, light: Direction) -> (Vec<ChannelTerms>, [Option<usize>; 3]) {
-    let mut functions = vec![0.0; maps.model.basis.count()];
-    maps.model.basis.evaluate(light, &mut functions);
-    let mut terms: Vec<ChannelTerms> = Vec::new();
-    terms.resize_with(maps.model.channels(), ChannelTerms::default);
-    for (channel, function) in terms.iter_mut().zip(maps.model.mean_functions()) {
-        channel.mean = function.map_or(0.0, |function| functions[usize::from(function)] as f32);
-    }
-    let mut factors = [None; 3];
-    for (plane, role) in maps.model.roles().into_iter().enumerate() {
-        match role {
-            PlaneRole::Coefficient { functions: by_channel } => {
-                for (channel, function) in terms.iter_mut().zip(by_channel) {
-                    if let Some(function) = function {
-                        channel.planes.push(plane);
-                        channel.weights.push(functions[usize::from(function)] as f32);
-                    }
-                }
-            }
-            PlaneRole::BaseColor { channel } => factors[usize::from(channel)] = Some(plane),
-        }
-    }
-    (terms, factors)
+/// What the pixels of a model are made of under one light: the planes and weights of each channel, and the
+/// planes that multiply them.
+pub struct LightTerms {
+    channels: Vec<ChannelTerms>,
+    factors: [Option<usize>; 3],
 }
 
-/// The picture under one light, in the asset's own space (encoded or linear), not clipped.
-pub fn relight(maps: &RelightingMaps, light: Direction, level: CpuLevel) -> Picture {
-    let channels = maps.model.channels();
-    let (terms, factors) = terms_of(maps, light);
-    let mut samples = vec![0.0; maps.pixels() * channels];
-    samples.par_chunks_mut(BLOCK * channels).enumerate().for_each(|(block, out)| {
-        let (first, pixels) = (block * BLOCK, out.len() / channels);
+impl LightTerms {
+    /// Those of `model` under `light`.
+    pub fn new(model: &Model, light: Direction) -> Self {
+        let mut functions = vec![0.0; model.basis.count()];
+        model.basis.evaluate(light, &mut functions);
+        let mut terms: Vec<ChannelTerms> = Vec::new();
+        terms.resize_with(model.channels(), ChannelTerms::default);
+        for (channel, function) in terms.iter_mut().zip(model.mean_functions()) {
+            channel.mean = function.map_or(0.0, |function| functions[usize::from(function)] as f32);
+        }
+        let mut factors = [None; 3];
+        for (plane, role) in model.roles().into_iter().enumerate() {
+            match role {
+                PlaneRole::Coefficient { functions: by_channel } => {
+                    for (channel, function) in terms.iter_mut().zip(by_channel) {
+                        if let Some(function) = function {
+                            channel.planes.push(plane);
+                            channel.weights.push(functions[usize::from(function)] as f32);
+                        }
+                    }
+                }
+                PlaneRole::BaseColor { channel } => factors[usize::from(channel)] = Some(plane),
+            }
+        }
+        Self { channels: terms, factors }
+    }
+
+    /// Writes pixels `first ..` of the picture, channels interleaved, in the asset's own space, not clipped.
+    ///
+    /// # Panics
+    /// When `maps` are of another model or end before `out` does.
+    pub fn relight(&self, maps: &RelightingMaps, level: CpuLevel, first: usize, out: &mut [f32]) {
+        let channels = self.channels.len();
+        let pixels = out.len() / channels;
         let mut rows = Vec::new();
         let mut sums = vec![0.0f32; pixels];
         let mut factor = vec![1.0f32; pixels];
-        for (channel, of_channel) in terms.iter().enumerate() {
+        for (channel, of_channel) in self.channels.iter().enumerate() {
             // Luminance planes feed all channels alike: they are summed once.
-            if channel == 0 || *of_channel != terms[channel - 1] {
+            if channel == 0 || *of_channel != self.channels[channel - 1] {
                 rows.resize(of_channel.planes.len() * pixels, 0.0);
                 for (&plane, row) in of_channel.planes.iter().zip(rows.chunks_exact_mut(pixels)) {
                     maps.planes[plane].coefficients(first, row);
@@ -93,13 +101,23 @@ pub fn relight(maps: &RelightingMaps, light: Direction, level: CpuLevel) -> Pict
                 let output = Rows { samples: &mut sums[..], stride: pixels };
                 weighted_sums(level, &of_channel.weights, count, input, output, pixels);
             }
-            if let Some(plane) = factors[channel] {
+            if let Some(plane) = self.factors[channel] {
                 maps.planes[plane].coefficients(first, &mut factor);
             }
             for ((pixel, sum), factor) in out.chunks_exact_mut(channels).zip(&sums).zip(&factor) {
                 pixel[channel] = (sum + of_channel.mean) * factor;
             }
         }
+    }
+}
+
+/// The picture under one light, in the asset's own space (encoded or linear), not clipped.
+pub fn relight(maps: &RelightingMaps, light: Direction, level: CpuLevel) -> Picture {
+    let channels = maps.model.channels();
+    let terms = LightTerms::new(&maps.model, light);
+    let mut samples = vec![0.0; maps.pixels() * channels];
+    samples.par_chunks_mut(BLOCK * channels).enumerate().for_each(|(block, out)| {
+        terms.relight(maps, level, block * BLOCK, out);
     });
     Picture { width: maps.width, height: maps.height, channels, samples }
 }
@@ -150,7 +168,7 @@ impl Picture {
 mod tests {
     use super::*;
     use crate::maps::{RelightingMap, Texels};
-    use crate::{Basis, Design, Family, Layout, LightSet, Model};
+    use crate::{Basis, Design, Family, Layout, LightSet};
 
     /// An asset with a value of its own in every plane and pixel.
     fn lopsided(layout: Layout, space: Space, width: usize, height: usize) -> RelightingMaps {

@@ -1,6 +1,6 @@
 //! What can go wrong in a fit.
 
-use relight_core::{BasisError, StackError};
+use relight_core::{BasisError, Layout, StackError};
 use std::fmt;
 
 /// Why a fit was not made.
@@ -35,6 +35,13 @@ pub enum FitError {
         /// How many there are.
         lights: usize,
     },
+    /// Planes of one layout that are no linear function of those of another.
+    Layouts {
+        /// What the planes are.
+        from: Layout,
+        /// What they were to become.
+        to: Layout,
+    },
     /// Functions that can't be stored.
     Basis(BasisError),
     /// The pictures could not be read back.
@@ -65,6 +72,11 @@ impl fmt::Display for FitError {
                     "the {lights} lights lie in one plane through the surface, which leaves normals open; add a picture lit from outside it"
                 )
             }
+            Self::Layouts { from, to } => write!(
+                f,
+                "planes of layout {from:?} don't become planes of layout {to:?} by sums; bake the pictures, or keep the \
+                 layout"
+            ),
             Self::Basis(error) => write!(f, "{error}"),
             Self::Stack(error) => write!(f, "{error}"),
         }

@@ -19,6 +19,8 @@ mod photometric_stereo;
 mod poisson;
 mod principal;
 mod rebin;
+mod refit;
+mod relit_stack;
 mod sample;
 mod singular_values;
 mod usable;
@@ -36,5 +38,7 @@ pub use photometric_stereo::{COPLANAR, NormalMethod, PhotometricStereo, SurfaceN
 pub use rebin::{
     PixelFit, SPAN, coefficient_distributions, coefficient_sample, fit_map, for_each_span, span_bytes,
 };
+pub use refit::{PlaneStack, Refit};
+pub use relit_stack::RelitStack;
 pub use sample::{ChannelSample, Sample};
 pub use usable::{LIGHTS_PER_FUNCTION, Usability, WORST_CONDITION, largest_usable, usability};

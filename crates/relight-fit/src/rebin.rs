@@ -4,6 +4,7 @@
 //! all lights fits the L2 cache, is read once and multiplied once; spans are the unit of parallel
 //! work and of writing. Spans and tiles depend on the pictures only, never on threads or memory.
 
+use crate::refit::{ChannelRefit, Refit};
 use crate::{FitError, LearnedFit, LeastSquares};
 use rayon::prelude::*;
 use relight_core::weighted_sums::{Rows, weighted_sums};
@@ -38,6 +39,8 @@ pub enum PixelFit<'a> {
     Functions(&'a LeastSquares, Layout),
     /// Learned planes.
     Planes(&'a LearnedFit),
+    /// Planes of another basis; the pictures are those of a [`PlaneStack`](crate::PlaneStack).
+    Refit(&'a Refit),
 }
 
 impl<'a> From<(&'a LeastSquares, Layout)> for PixelFit<'a> {
@@ -52,11 +55,18 @@ impl<'a> From<&'a LearnedFit> for PixelFit<'a> {
     }
 }
 
+impl<'a> From<&'a Refit> for PixelFit<'a> {
+    fn from(refit: &'a Refit) -> Self {
+        Self::Refit(refit)
+    }
+}
+
 impl PixelFit<'_> {
     fn layout(self) -> Layout {
         match self {
             Self::Functions(_, layout) => layout,
             Self::Planes(_) => Layout::Shared,
+            Self::Refit(refit) => refit.layout,
         }
     }
 
@@ -65,14 +75,16 @@ impl PixelFit<'_> {
         match self {
             Self::Functions(fit, _) => fit.basis.count(),
             Self::Planes(fit) => fit.basis.planes(),
+            Self::Refit(refit) => refit.maps(),
         }
     }
 
-    /// The matrix as the kernel takes it.
+    /// The matrix as the kernel takes it; a refit has one for each channel of its own.
     fn matrix(self) -> Vec<f32> {
         let matrix = match self {
             Self::Functions(fit, _) => &fit.solution,
             Self::Planes(fit) => &fit.projection,
+            Self::Refit(_) => return Vec::new(),
         };
         matrix.iter().map(|&value| value as f32).collect()
     }
@@ -115,7 +127,8 @@ struct Fitting<'a> {
 
 impl<'a> Fitting<'a> {
     fn new(stack: &'a dyn Stack, fit: PixelFit<'a>, level: CpuLevel) -> Result<Self, FitError> {
-        if fit.layout() == Layout::Lrgb && stack.channels() == 1 {
+        let of_pictures = !matches!(fit, PixelFit::Refit(_));
+        if of_pictures && fit.layout() == Layout::Lrgb && stack.channels() == 1 {
             return Err(FitError::GreyHasNoColor);
         }
         Ok(Self { stack, fit, matrix: fit.matrix(), level })
@@ -143,6 +156,7 @@ impl Scratch {
             PixelFit::Functions(fit, Layout::Lrgb) => self.fit_luminance(fitting, fit, first, pixels)?,
             PixelFit::Functions(..) => self.fit_channels(fitting, first, pixels)?,
             PixelFit::Planes(_) => self.fit_planes(fitting, first, pixels)?,
+            PixelFit::Refit(refit) => self.refit(fitting, refit, first, pixels)?,
         }
         Ok(CoefficientSpan { first, pixels, maps: &self.coefficients, base_color: &self.base_color })
     }
@@ -187,6 +201,64 @@ impl Scratch {
             let input = Rows { samples: &self.tile[..], stride };
             let output = Rows { samples: &mut self.coefficients[start..], stride: pixels };
             weighted_sums(*level, matrix, inputs, input, output, width);
+        }
+        Ok(())
+    }
+
+    /// Planes of another basis from planes.
+    fn refit(
+        &mut self,
+        fitting: &Fitting<'_>,
+        refit: &Refit,
+        first: usize,
+        pixels: usize,
+    ) -> Result<(), FitError> {
+        let rows = fitting.stack.rows(first..first + pixels)?;
+        let (maps, stride) = (refit.maps(), refit.channels.len());
+        self.coefficients.resize(maps * pixels * stride, 0.0);
+        for (c, ChannelRefit { planes, weights, mean, factor }) in refit.channels.iter().enumerate() {
+            let piece = tile_pixels(planes.len(), 1);
+            self.tile.resize(planes.len() * piece, 0.0);
+            self.interleaved.resize(maps * piece, 0.0);
+            self.luminance.resize(piece, 0.0);
+            for start in (0..pixels).step_by(piece) {
+                let width = piece.min(pixels - start);
+                for (&plane, row) in planes.iter().zip(self.tile.chunks_exact_mut(piece)) {
+                    rows.copy(plane, start, &mut row[..width]);
+                }
+                let made = match weights {
+                    None => &self.tile,
+                    Some(weights) => {
+                        let input = Rows { samples: &self.tile[..], stride: piece };
+                        let output = Rows { samples: &mut self.interleaved[..], stride: piece };
+                        weighted_sums(fitting.level, weights, planes.len(), input, output, width);
+                        for (row, mean) in self.interleaved.chunks_exact_mut(piece).zip(mean) {
+                            row[..width].iter_mut().for_each(|value| *value += mean);
+                        }
+                        &self.interleaved
+                    }
+                };
+                let factors = &mut self.luminance[..width];
+                if let Some(plane) = factor {
+                    rows.copy(*plane, start, factors);
+                }
+                for (map, row) in made.chunks_exact(piece).enumerate() {
+                    let out = &mut self.coefficients[(map * pixels + start) * stride..][..width * stride];
+                    let out = out[c..].iter_mut().step_by(stride).zip(row);
+                    if factor.is_some() {
+                        out.zip(&*factors).for_each(|((out, value), factor)| *out = value * factor);
+                    } else {
+                        out.for_each(|(out, value)| *out = *value);
+                    }
+                }
+            }
+        }
+        self.base_color.resize(pixels * refit.base_color.len(), 0.0);
+        self.luminance.resize(pixels, 0.0);
+        for (c, &plane) in refit.base_color.iter().enumerate() {
+            rows.copy(plane, 0, &mut self.luminance[..pixels]);
+            let out = self.base_color[c..].iter_mut().step_by(3);
+            out.zip(&self.luminance).for_each(|(out, value)| *out = *value);
         }
         Ok(())
     }

@@ -30,6 +30,12 @@ pub(super) fn range_of(ranges: &[CoefficientRange]) -> CoefficientRange {
     ranges.iter().fold(CoefficientRange::EMPTY, |all, &range| all.union(range))
 }
 
+/// The quantizer that all of `quantizers` are, where they are one.
+pub(super) fn shared(quantizers: &[Quantizer]) -> Option<Quantizer> {
+    let (first, rest) = quantizers.split_first()?;
+    rest.iter().all(|quantizer| quantizer == first).then_some(*first)
+}
+
 /// Refuses base colours that bytes 0 to 255 for 0..1 can't hold; `ranges` are those of their planes.
 pub(super) fn check_base_colors(path: &Path, ranges: &[CoefficientRange]) -> Result<(), FormatError> {
     let CoefficientRange { min, max } = range_of(ranges);

@@ -3,9 +3,10 @@
 //! Source: FORMATS.md of this project. value = (byte - bias) x scale in 0..255 units, one scale and
 //! bias a function, rows bottom-up.
 
-use super::planar::{check_base_colors, plane_ranges, range_of};
+use super::planar::{check_base_colors, plane_ranges, range_of, shared};
 use super::{
-    AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, check_complete, check_finite, ptm_jpeg,
+    AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, check_complete, check_finite,
+    plane_quantizers, ptm_jpeg,
 };
 use crate::{FormatError, OutputFile};
 use relight_core::CoefficientRange;
@@ -54,8 +55,13 @@ impl PtmCoding {
         let ranges = plane_ranges(header);
         let (coefficients, base) = ranges.split_at(FUNCTIONS * planes_per_map);
         check_base_colors(path, base)?;
-        let scale_bias: Vec<_> =
-            coefficients.chunks(planes_per_map).map(|ranges| scale_bias_of(range_of(ranges))).collect();
+        let of_planes = plane_quantizers(header);
+        let maps = coefficients.chunks(planes_per_map).zip(of_planes.chunks(planes_per_map));
+        let scale_bias: Vec<_> = maps
+            .map(|(ranges, own)| {
+                shared(own).and_then(whole_bias).unwrap_or_else(|| scale_bias_of(range_of(ranges)))
+            })
+            .collect();
         let quantizers =
             scale_bias.iter().map(|&(scale, bias)| quantizer_of(scale, f64::from(bias))).collect();
         Ok(Self { scale_bias, quantizers })
@@ -120,6 +126,14 @@ fn scale_bias_of(range: CoefficientRange) -> (f32, i32) {
         return (1.0, 0);
     }
     (scale, (-min / f64::from(scale)).round() as i32)
+}
+
+/// Scale and bias of a quantizer whose bias is whole already, as those of another `.ptm` are: its codes stay
+/// what they are.
+fn whole_bias(quantizer: Quantizer) -> Option<(f32, i32)> {
+    let bias = (-f64::from(quantizer.bias) * 255.0 / f64::from(quantizer.scale)).round();
+    let is_whole = bias.abs() <= LARGEST_BIAS && quantizer_of(quantizer.scale, bias) == quantizer;
+    (is_whole && quantizer.scale >= f32::MIN_POSITIVE).then_some((quantizer.scale, bias as i32))
 }
 
 /// coefficient = scale' x q + bias' of a file's scale and bias: with q = byte / 255 and the model's

@@ -4,9 +4,11 @@
 //! term, rows top-down, all terms of a channel side by side. The terms are our hemispherical harmonics in
 //! our order.
 
-use super::planar::{check_base_colors, plane_ranges, range_of};
+use super::planar::{check_base_colors, plane_ranges, range_of, shared};
 use super::ptm::{UNIT, error};
-use super::{AssetHeader, AssetWriter, Created, assert_shape, check_complete, check_finite};
+use super::{
+    AssetHeader, AssetWriter, Created, assert_shape, check_complete, check_finite, plane_quantizers,
+};
 use crate::{FormatError, OutputFile};
 use relight_core::{Basis, CoefficientSpan, Layout, Model, Space};
 use relight_texture::{PackReport, PlaneErrors, Quantizer, StoringErrors};
@@ -61,8 +63,11 @@ pub(super) fn create(path: &Path, header: AssetHeader) -> Created {
     let ranges = plane_ranges(&header);
     let (coefficients, base) = ranges.split_at(terms * layout.planes_per_map());
     check_base_colors(path, base)?;
-    let maps = coefficients.chunks(layout.planes_per_map());
-    let quantizers: Vec<_> = maps.map(|ranges| Quantizer::over(range_of(ranges))).collect();
+    let of_planes = plane_quantizers(&header);
+    let maps = coefficients.chunks(layout.planes_per_map()).zip(of_planes.chunks(layout.planes_per_map()));
+    // What all three planes have is taken as it is: codes of another `.rti` stay what they are.
+    let quantizer = |(ranges, own)| shared(own).unwrap_or_else(|| Quantizer::over(range_of(ranges)));
+    let quantizers: Vec<_> = maps.map(quantizer).collect();
     let basis_type = if layout == Layout::Lrgb { BASIS_TYPES[0].0 } else { BASIS_TYPES[1].0 };
     let (width, height) = (header.width, header.height);
     let mut head = format!("#HSH1.2\n3\n{width} {height} 3\n{terms} {basis_type} 1\n").into_bytes();

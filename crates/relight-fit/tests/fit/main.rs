@@ -14,3 +14,4 @@ mod leave_one_out;
 mod normals;
 mod pictures;
 mod recovery;
+mod refit;
