@@ -317,6 +317,10 @@ impl Packer {
                 let texels = bytes[channel * precision.bytes()..].chunks(texel_bytes);
                 errors.clear();
                 match precision {
+                    Precision::U8 if dither.is_none() => {
+                        errors.resize(row.len(), 0.0);
+                        row.code_errors(quantizers[channel], &mut errors);
+                    }
                     Precision::U8 => {
                         let values = texels.map(|texel| f32::from(texel[0]) / 255.0);
                         errors.extend(errors_of(*row, values, quantizers[channel]));

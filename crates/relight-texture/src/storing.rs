@@ -62,14 +62,29 @@ struct Run {
 impl PlaneErrors {
     /// Adds the errors of pixels `first ..`: what a texel gives back less the coefficient.
     pub fn add(&mut self, first: usize, errors: impl Iterator<Item = f32>) {
+        const LANES: usize = 16;
         let mut next = first.next_multiple_of(SEEN) - first;
-        for (i, error) in errors.enumerate() {
-            self.square += f64::from(error) * f64::from(error);
-            if i == next {
-                self.seen.push(error);
+        let mut errors = errors.fuse();
+        // Sums of their own for the lanes of a vector, then those of the lanes.
+        let mut squares = [0.0f64; LANES];
+        let (mut lanes, mut read) = ([0.0f32; LANES], LANES);
+        while read == LANES {
+            read = 0;
+            for (lane, error) in lanes.iter_mut().zip(&mut errors) {
+                *lane = error;
+                read += 1;
+            }
+            lanes[read..].fill(0.0);
+            for i in 0..LANES {
+                squares[i] += f64::from(lanes[i]) * f64::from(lanes[i]);
+            }
+            while next < read {
+                self.seen.push(lanes[next]);
                 next += SEEN;
             }
+            next -= read;
         }
+        self.square += squares.iter().sum::<f64>();
     }
 
     /// The errors times `factor`: of coefficients where these are of codes.

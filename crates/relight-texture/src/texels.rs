@@ -26,6 +26,25 @@ impl<'a> Row<'a> {
     pub(crate) fn len(self) -> usize {
         self.samples.len() / self.stride
     }
+
+    /// Writes what the 8-bit codes of the coefficients give back, less the coefficients.
+    pub(crate) fn code_errors(self, quantizer: Quantizer, errors: &mut [f32]) {
+        let Quantizer { scale, bias } = quantizer;
+        let codes_per_unit = quantizer.codes_per_unit();
+        let error = |c: f32| {
+            let code = wide_code(c, bias, codes_per_unit, 0.0);
+            scale * (code as f32 / 255.0) + bias - c
+        };
+        // Strides that are known become vector instructions.
+        match self.stride {
+            1 => errors.iter_mut().zip(self.samples).for_each(|(e, c)| *e = error(*c)),
+            3 => {
+                let samples = self.samples[self.channel..].iter().step_by(3);
+                errors.iter_mut().zip(samples).for_each(|(e, c)| *e = error(*c));
+            }
+            _ => errors.iter_mut().zip(self.iter()).for_each(|(e, c)| *e = error(c)),
+        }
+    }
 }
 
 /// Where a piece lies in the picture, for a pattern that depends on it.
@@ -59,12 +78,20 @@ impl TexelBuffer {
     ) -> &[u8] {
         let texels = rows[0].len();
         if precision == Precision::U8 {
-            if let (Some(rgb), 4, None) = (interleaved(rows), channels, dither) {
+            if let (&[r, g, b], 4, None) = (rows, channels, dither) {
                 self.bytes.resize(texels * 4, 0);
                 let bias = [0, 1, 2].map(|c| quantizers[c].bias);
                 let codes_per_unit = [0, 1, 2].map(|c| quantizers[c].codes_per_unit());
-                rgba_codes(rgb, bias, codes_per_unit, &mut self.bytes);
-                return &self.bytes;
+                let codes = Rgba { bias, codes_per_unit };
+                if let Some(rgb) = interleaved(rows) {
+                    codes.write(rgb.chunks_exact(3).map(|c| [c[0], c[1], c[2]]), &mut self.bytes);
+                    return &self.bytes;
+                }
+                if let (1, 1, 1) = (r.stride, g.stride, b.stride) {
+                    let rgb = r.samples.iter().zip(g.samples).zip(b.samples).map(|((r, g), b)| [*r, *g, *b]);
+                    codes.write(rgb, &mut self.bytes);
+                    return &self.bytes;
+                }
             }
             self.bytes.clear();
             self.bytes.resize(texels * channels, 0);
@@ -152,11 +179,19 @@ fn interleaved<'a>(rows: &[Row<'a>]) -> Option<&'a [f32]> {
 }
 
 /// Texels of R, G, B codes and 255.
-fn rgba_codes(rgb: &[f32], bias: [f32; 3], codes_per_unit: [f32; 3], texels: &mut [u8]) {
-    for (texel, c) in texels.chunks_exact_mut(4).zip(rgb.chunks_exact(3)) {
-        let code = |i: usize| wide_code(c[i], bias[i], codes_per_unit[i], 0.0);
-        let word = code(0) | code(1) << 8 | code(2) << 16 | 0xff << 24;
-        texel.copy_from_slice(&word.to_le_bytes());
+struct Rgba {
+    bias: [f32; 3],
+    codes_per_unit: [f32; 3],
+}
+
+impl Rgba {
+    #[inline(always)]
+    fn write(&self, rgb: impl Iterator<Item = [f32; 3]>, texels: &mut [u8]) {
+        for (texel, c) in texels.chunks_exact_mut(4).zip(rgb) {
+            let code = |i: usize| wide_code(c[i], self.bias[i], self.codes_per_unit[i], 0.0);
+            let word = code(0) | code(1) << 8 | code(2) << 16 | 0xff << 24;
+            texel.copy_from_slice(&word.to_le_bytes());
+        }
     }
 }
 
