@@ -4,7 +4,7 @@
 //! surface itself: normal and albedo of a pixel by the lights that agree with each other, whatever the others say.
 
 use crate::sample::interleaved;
-use crate::{FitError, NormalMethod, PhotometricStereo};
+use crate::{FitError, NormalMethod, PhotometricStereo, median};
 use rayon::prelude::*;
 use relight_core::vectors::dot;
 use relight_core::{Direction, Stack};
@@ -89,14 +89,13 @@ pub fn exposure_factors(
             if !*told {
                 continue;
             }
-            let middle = of_light.len() / 2;
-            let median = *of_light.select_nth_unstable_by(middle, f64::total_cmp).1;
             // A black picture has no factor that would mend it.
-            if median > 1e-4 {
-                *factor *= median;
-                moved = moved.max((median - 1.0).abs());
-            } else {
-                *told = false;
+            match median(&mut of_light, f64::total_cmp) {
+                Some(ratio) if ratio > 1e-4 => {
+                    *factor *= ratio;
+                    moved = moved.max((ratio - 1.0).abs());
+                }
+                _ => *told = false,
             }
         }
         let scale = mean(factors.iter().zip(&told).filter(|(_, told)| **told).map(|(factor, _)| *factor));

@@ -13,6 +13,7 @@ mod interpolation;
 mod learned;
 mod least_squares;
 mod leave_one_out;
+mod median;
 mod misfit;
 mod normals;
 mod photometric_stereo;
@@ -31,6 +32,7 @@ pub use learned::{LearnedDesign, LearnedFit};
 pub use least_squares::{LeastSquares, Ridge};
 pub use leave_one_out::LeaveOneOut;
 pub use misfit::{Misfit, misfits};
+pub use median::median;
 pub use normals::{NormalError, NormalMap, normal_error, normal_map, normal_map_bytes};
 pub use photometric_stereo::{COPLANAR, NormalMethod, PhotometricStereo, SurfaceNormal};
 pub use rebin::{
