@@ -20,6 +20,7 @@ mod photometric_stereo;
 mod poisson;
 mod principal;
 mod rebin;
+mod row_products;
 mod sample;
 mod singular_values;
 mod usable;

@@ -70,11 +70,10 @@ impl PixelFit<'_> {
 
     /// The matrix as the kernel takes it.
     fn matrix(self) -> Vec<f32> {
-        let matrix = match self {
-            Self::Functions(fit, _) => &fit.solution,
-            Self::Planes(fit) => &fit.projection,
-        };
-        matrix.iter().map(|&value| value as f32).collect()
+        match self {
+            Self::Functions(fit, _) => fit.solution_f32(),
+            Self::Planes(fit) => fit.projection_f32(),
+        }
     }
 }
 

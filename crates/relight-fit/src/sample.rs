@@ -1,5 +1,6 @@
 //! A bounded sample of pixels, by which a fit is judged in closed form.
 
+use crate::row_products::quadratic_form;
 use rayon::prelude::*;
 use relight_core::{Stack, StackError};
 
@@ -144,7 +145,7 @@ impl Sample {
             square += a * inner;
         }
         // Rounding may leave -1e-18 where the true value is 0.
-        square.max(0.0).sqrt()
+        quadratic_form(&self.gram, combination).max(0.0).sqrt()
     }
 }
 
