@@ -6,6 +6,7 @@ use super::header_words::{HeaderWords, LONGEST_HEADER};
 use super::rti::{BASIS_TYPES, TERMS, place_in_pixel};
 use super::{AssetHeader, Details, open_measured, planar, plane_bytes, plane_quantizers};
 use crate::FormatError;
+use crate::error::check_memory;
 use relight_core::basis::Hsh;
 use relight_core::{Basis, Model, RelightingMap, RelightingMaps, Space, Texels};
 use relight_texture::{Precision, Quantizer, TexelFormat};
@@ -36,9 +37,7 @@ pub(super) fn read(path: &Path, memory_limit: u64) -> Result<RelightingMaps, For
     let AssetHeader { width, height, model, .. } = &rti.header;
     let format = TexelFormat::Plain { precision: Precision::U8, channels: 1 };
     let needed = plane_bytes(*width, *height, model, format);
-    if needed > memory_limit || usize::try_from(needed).is_err() {
-        return Err(FormatError::too_large(path, needed, memory_limit));
-    }
+    check_memory(needed, memory_limit, path)?;
     let texels = read_texels(&mut rti).map_err(|e| match e.kind() {
         io::ErrorKind::UnexpectedEof => FormatError::invalid(path, "is cut short"),
         _ => FormatError::io(path, "read", e),

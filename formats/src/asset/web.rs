@@ -14,6 +14,7 @@ use super::{
     AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, check_complete, check_finite,
     plane_quantizers,
 };
+use crate::error::check_memory;
 use crate::FormatError;
 use crate::output_folder::OutputFolder;
 use crate::picture::decode_jpeg;
@@ -153,10 +154,7 @@ struct Held {
 pub(super) fn create(path: &Path, header: AssetHeader, settings: &WriteSettings) -> Created {
     check_finite(path, &header)?;
     let AssetHeader { width, height, model, .. } = &header;
-    let (needed, limit) = (held_bytes(*width, *height, model), settings.memory_limit);
-    if needed > limit || usize::try_from(needed).is_err() {
-        return Err(FormatError::too_large(path, needed, limit));
-    }
+    check_memory(held_bytes(*width, *height, model), settings.memory_limit, path)?;
     let coefficients = model.maps() * model.layout.planes_per_map();
     check_base_colors(path, &plane_ranges(&header)[coefficients..])?;
     let mut quantizers: Vec<_> = plane_quantizers(&header).into_iter().map(with_finite_bias).collect();
