@@ -108,16 +108,10 @@ fn open(path: &Path) -> Result<RtiFile, FormatError> {
         Model { basis: Basis::Hsh(hsh), layout, space: Space::Encoded, lights: Vec::new(), figures: None };
     let pixel_bytes = model.plane_count() as u64;
     let found = file_bytes.saturating_sub(offset as u64);
-    let expected =
-        (width as u64).checked_mul(height as u64).and_then(|pixels| pixels.checked_mul(pixel_bytes));
-    if expected.is_none_or(|expected| expected > found) {
-        let problem =
-            format!("is cut short: {width} x {height} pixels of {pixel_bytes} bytes in {found} bytes");
-        return Err(FormatError::invalid(path, problem));
-    }
+    planar::check_pixels(path, (width, height), pixel_bytes, found)?;
     let of_role = |role: usize| match quantizers.get(role / layout.planes_per_map()) {
         Some(&quantizer) => quantizer,
-        None => Quantizer { scale: 1.0, bias: 0.0 },
+        None => planar::UNIT,
     };
     let packing = planar::packing(Precision::U8, (0..model.plane_count()).map(of_role));
     let header = AssetHeader { width, height, model, packing };
