@@ -86,7 +86,7 @@ impl PhotographOptions {
         self.crop
     }
 
-    /// Sets what `capture`'s pictures are to become; pictures that are read for that may spill beside `output`.
+    /// Sets what `capture`'s pictures are to become; pictures that are read for that may spill into `spill_folder`.
     ///
     /// # Errors
     /// Exit code 2 for parts outside the pictures and colours of grey ones, and what reading gives.
@@ -94,7 +94,7 @@ impl PhotographOptions {
         &self,
         capture: &mut OpenCapture,
         machine: &Machine,
-        output: &Path,
+        spill_folder: &Path,
     ) -> Result<(), Failure> {
         let size = capture.size();
         if let Some(crop) = self.crop {
@@ -103,7 +103,7 @@ impl PhotographOptions {
         }
         let factors = match (&self.intensities, self.exposure) {
             (Some(path), _) => Some(read_intensity_file(path)?.factors_of(capture)?),
-            (None, Some(Exposure::Auto)) => Some(estimated(capture, machine, output)?),
+            (None, Some(Exposure::Auto)) => Some(estimated(capture, machine, spill_folder)?),
             (None, _) => None,
         };
         if let Some(factors) = factors {
@@ -118,7 +118,7 @@ impl PhotographOptions {
             let grey = match white_balance {
                 WhiteBalance::Card(grey) => grey,
                 WhiteBalance::Patch { x, y, radius } => {
-                    patch(capture, (x, y, radius), size, machine, output)?
+                    patch(capture, (x, y, radius), size, machine, spill_folder)?
                 }
             };
             let luminance: f64 =
@@ -153,11 +153,12 @@ impl PhotographOptions {
         if let (Some(path), None) = (&self.intensities, same.iter().copied().collect::<Option<Vec<usize>>>())
         {
             // White balance is one for all pictures: what a gain is beyond its factor.
-            let of_all = read_intensity_file(path)?.factors_of(all)?;
+            let intensities = read_intensity_file(path)?;
+            let of_all = intensities.factors_of(all)?;
             let balance = [0, 1, 2].map(|c| f64::from(all.gains[0][c]) * of_all[0][c]);
-            let factors = read_intensity_file(path)?.factors_of(judges)?;
+            let of_judges = intensities.factors_of(judges)?;
             judges.gains =
-                factors.iter().map(|factor| [0, 1, 2].map(|c| (balance[c] / factor[c]) as f32)).collect();
+                of_judges.iter().map(|factor| [0, 1, 2].map(|c| (balance[c] / factor[c]) as f32)).collect();
             return Ok(());
         }
         let is_one_for_all = self.intensities.is_none() && self.exposure != Some(Exposure::Auto);
@@ -188,11 +189,15 @@ fn check_within(option: &str, crop: Crop, (width, height): (usize, usize)) -> Re
 }
 
 /// Exposure factors from the pictures themselves, with a note of those that stand out.
-fn estimated(capture: &mut OpenCapture, machine: &Machine, output: &Path) -> Result<Vec<[f64; 3]>, Failure> {
+fn estimated(
+    capture: &mut OpenCapture,
+    machine: &Machine,
+    spill_folder: &Path,
+) -> Result<Vec<[f64; 3]>, Failure> {
     let full_scale = capture.full_scale(Space::Linear);
     // The sample's values and ratios.
     let kept_back = capture.infos.len() as u64 * (8192 * 3 * 4 + 4096 * 12);
-    let stack = load(capture, Space::Linear, machine, kept_back, output)?;
+    let stack = load(capture, Space::Linear, machine, kept_back, spill_folder)?;
     let found =
         exposure_factors(&stack, &capture.capture.lights.directions(), &full_scale).map_err(|error| {
             match error {
@@ -244,7 +249,7 @@ fn patch(
     (x, y, radius): (usize, usize, usize),
     size: (usize, usize),
     machine: &Machine,
-    output: &Path,
+    spill_folder: &Path,
 ) -> Result<[f64; 3], Failure> {
     let option = format!("--white-balance auto:{x},{y},{radius}");
     let edge = 2 * radius + 1;
@@ -264,7 +269,7 @@ fn patch(
     let mut cut = capture.clone();
     cut.crop = Some(square);
     let full_scale = cut.full_scale(Space::Linear);
-    let stack = load(&cut, Space::Linear, machine, 0, output)?;
+    let stack = load(&cut, Space::Linear, machine, 0, spill_folder)?;
     let rows = stack.rows(0..edge * edge * 3).map_err(FitError::from)?;
     let mut values = vec![0.0f32; edge * edge * 3];
     let (mut sums, mut count) = ([0.0f64; 3], 0usize);
