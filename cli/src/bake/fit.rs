@@ -7,7 +7,7 @@ use relight_core::basis::Learned;
 use relight_core::{Basis, Design, FitFigures, Layout, Stack};
 use relight_fit::{
     ChannelSample, FitError, LIGHTS_PER_FUNCTION, LearnedFit, LeastSquares, LeaveOneOut, Misfit, PixelFit,
-    Sample, WORST_CONDITION, largest_usable, misfits,
+    Sample, WORST_CONDITION, largest_usable, learned_bytes, misfits,
 };
 use relight_formats::OpenCapture;
 use relight_texture::{TexelFormat, level_size};
@@ -68,6 +68,17 @@ impl Choice {
         match &self.kind {
             Kind::Functions(basis) => Ok(basis.clone()),
             Kind::Planes { most, channels, .. } => Ok(Basis::Learned(Learned::blank(*most, *channels)?)),
+        }
+    }
+
+    /// Bytes that [`solve`] takes for the pictures of `capture`, beyond those of fitting.
+    pub(super) fn solving_bytes(&self, capture: &OpenCapture) -> u64 {
+        match self.kind {
+            Kind::Functions(_) => 0,
+            Kind::Planes { most, channels, .. } => {
+                let (width, height) = capture.size();
+                learned_bytes(capture.infos.len(), channels, width * height, most)
+            }
         }
     }
 }

@@ -247,8 +247,10 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let span = span_pixels(width, needs_rows(formats.iter().copied(), levels));
     let working = working_bytes(formats.iter().copied(), model.plane_count(), span);
     let spans = machine.threads as u64 * (span_bytes(fitted.infos.len(), model.maps(), span) + working);
+    // Fitting begins when what it takes to solve is gone.
+    let needed = spans.max(choice.solving_bytes(&fitted));
     let kept_back =
-        format.held_bytes(&plan, &settings).saturating_add(spans).saturating_add(position_bytes as u64);
+        format.held_bytes(&plan, &settings).saturating_add(needed).saturating_add(position_bytes as u64);
     let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &spill_folder))?;
     let mut fit = stages.time("solve", || fit::solve(arguments, choice, &fitted, layout, &stack))?;
     model.basis = fit.solved.basis();

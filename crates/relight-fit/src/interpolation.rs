@@ -106,6 +106,13 @@ impl<'a> SplineSystem<'a> {
 }
 
 impl Interpolation {
+    /// Bytes that [`Self::of_pictures`] takes for `lights` lights: the system, and for each smoothing its own, taken
+    /// apart, inverted, and what is kept of that.
+    pub(crate) fn bytes(lights: u64) -> u64 {
+        let rows = lights + 4;
+        8 * rows * rows * (1 + 3 * SMOOTHINGS.len() as u64)
+    }
+
     /// Takes the smoothing that predicts pictures best from the others; `gram` holds the mean products of the
     /// N pictures, N x N. `None` without lights.
     pub(crate) fn of_pictures(lights: &[Direction], gram: &[f64]) -> Option<Self> {

@@ -176,6 +176,23 @@ impl LearnedFit {
     }
 }
 
+/// Bytes that finding up to `planes` learned planes of `lights` pictures of `pixels` pixels takes, the sample that they
+/// are found in included.
+pub fn learned_bytes(lights: usize, channels: usize, pixels: usize, planes: usize) -> u64 {
+    let (n, width) = (lights as u64, (lights * channels) as u64);
+    let moments = 8 * (width * width + n * n);
+    let sampling = moments + ChannelSample::values_bytes(lights, channels, pixels);
+    let splines = moments + Interpolation::bytes(n);
+    // The covariance, weighted from the left, turned and weighted from the right; the energy on its way to its root.
+    let components = moments + 8 * (4 * width * width + 3 * n * n + DIRECTIONS as u64 * n);
+    // The covariance with and without its weights; by plane, what leads to it and back, and its functions in tables
+    // of which two are in memory at once, and in the judges' directions.
+    let nodes = NODES.into_iter().max().unwrap_or(0) as u64;
+    let of_plane = 5 * width + channels as u64 * (2 * nodes * nodes + DIRECTIONS as u64);
+    let functions = moments + 8 * (2 * width * width + n * n + (planes as u64 + 1) * of_plane);
+    sampling.max(splines).max(components).max(functions)
+}
+
 /// The fewest planes up to `most` whose figure reaches `target`.
 fn fewest(most: usize, target: f64, figure: impl Fn(usize) -> f64) -> Result<usize, FitError> {
     let best = figure(most);

@@ -29,7 +29,7 @@ pub use decomposition::{Decomposition, LightWeights, RANK_TOLERANCE};
 pub use error::FitError;
 pub use exposure::exposure_factors;
 pub use height::{height_bytes, heights_from_normals};
-pub use learned::{LearnedDesign, LearnedFit};
+pub use learned::{LearnedDesign, LearnedFit, learned_bytes};
 pub use least_squares::{LeastSquares, Ridge};
 pub use leave_one_out::LeaveOneOut;
 pub use misfit::{Misfit, misfits};
