@@ -27,13 +27,13 @@ mod usable;
 
 pub use decomposition::{Decomposition, LightWeights, RANK_TOLERANCE};
 pub use error::FitError;
-pub use exposure::exposure_factors;
+pub use exposure::{ExposureTrial, exposure_factors, exposure_trial};
 pub use height::{height_bytes, heights_from_normals};
 pub use learned::{LearnedDesign, LearnedFit, learned_bytes};
 pub use least_squares::{LeastSquares, Ridge};
 pub use leave_one_out::LeaveOneOut;
-pub use misfit::{Misfit, misfits};
 pub use median::median;
+pub use misfit::{Misfit, misfits};
 pub use normals::{NormalError, NormalMap, normal_error, normal_map, normal_map_bytes};
 pub use photometric_stereo::{COPLANAR, NormalMethod, PhotometricStereo, SurfaceNormal};
 pub use rebin::{

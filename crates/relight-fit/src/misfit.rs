@@ -62,13 +62,8 @@ const MUCH_BETTER: f64 = 0.6;
 /// # Panics
 /// When `sample` is of another number of lights.
 pub fn misfits(lights: &LightSet, sample: &Sample) -> Result<Vec<Misfit>, FitError> {
+    let Some(fit) = coarse_fit(lights, sample)? else { return Ok(Vec::new()) };
     let directions = lights.directions();
-    let name = if directions.iter().any(|d| d.z() < 0.0) { "sh" } else { "hsh" };
-    let usable = Family::by_name(name).and_then(|family| {
-        largest_usable(family, lights, SrbfDesign::default(), MOST_FUNCTIONS).ok().flatten()
-    });
-    let Some(usable) = usable else { return Ok(Vec::new()) };
-    let fit = LeastSquares::new(usable.basis, &directions, LightWeights::Voronoi, Ridge::Auto, sample)?;
     let hat = fit.decomposition.hat(&fit.solution);
     let expected = expectations(&directions, &fit.leave_one_out);
 
@@ -96,6 +91,20 @@ pub fn misfits(lights: &LightSet, sample: &Sample) -> Result<Vec<Misfit>, FitErr
     found.extend(single);
     found.sort_by_key(|misfit| misfit.light);
     Ok(found)
+}
+
+/// The fit by which pictures are judged; `None` for lights that carry no basis.
+///
+/// # Errors
+/// [`FitError::NoLights`].
+pub(crate) fn coarse_fit(lights: &LightSet, sample: &Sample) -> Result<Option<LeastSquares>, FitError> {
+    let directions = lights.directions();
+    let name = if directions.iter().any(|d| d.z() < 0.0) { "sh" } else { "hsh" };
+    let usable = Family::by_name(name).and_then(|family| {
+        largest_usable(family, lights, SrbfDesign::default(), MOST_FUNCTIONS).ok().flatten()
+    });
+    let Some(usable) = usable else { return Ok(None) };
+    LeastSquares::new(usable.basis, &directions, LightWeights::Voronoi, Ridge::Auto, sample).map(Some)
 }
 
 /// For each light the left-out error that its neighbours and all lights let expect.
