@@ -62,7 +62,7 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
         check_heatmap(path)?;
     }
     let mut capture = open_capture(&arguments.set)?;
-    arguments.photographs.apply(&mut capture, &machine, &std::env::temp_dir().join("x"))?;
+    arguments.photographs.apply(&mut capture, &machine, &std::env::temp_dir())?;
     notes::print(&capture.capture.notes);
     let read = capture
         .capture

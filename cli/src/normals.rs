@@ -96,7 +96,8 @@ pub(crate) fn run(arguments: &NormalsArguments) -> Result<(), Failure> {
     }
     let mut capture = open_capture(&arguments.set)?;
     let whole = capture.size();
-    arguments.photographs.apply(&mut capture, &machine, &arguments.output)?;
+    let spill_folder = bake::spill_folder(&arguments.output);
+    arguments.photographs.apply(&mut capture, &machine, &spill_folder)?;
     notes::print(&capture.capture.notes);
     let inputs = capture
         .capture
@@ -126,7 +127,7 @@ pub(crate) fn run(arguments: &NormalsArguments) -> Result<(), Failure> {
     }
 
     let space = arguments.space(&capture);
-    let stack = bake::load(&capture, space, &machine, kept_back, &arguments.output)?;
+    let stack = bake::load(&capture, space, &machine, kept_back, &spill_folder)?;
     let bar = progress::bar("normals", (width * height).div_ceil(relight_fit::SPAN));
     let mut map = normal_map::<Failure>(
         &stack,

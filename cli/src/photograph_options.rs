@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::options::Machine;
 use clap::{Args, ValueEnum};
 use relight_core::{LUMINANCE, Space, Stack};
-use relight_fit::{FitError, exposure_factors};
+use relight_fit::{ExposureTrial, FitError, Sample, exposure_factors, exposure_trial};
 use relight_formats::{Crop, OpenCapture, place_of, read_intensity_file};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -69,9 +69,6 @@ impl FromStr for WhiteBalance {
     }
 }
 
-/// Factors beyond this are doubted when most are: on icon72, gilded and flat, they come out at 0.6 to 3 without cause.
-const DOUBTFUL: f64 = 0.1;
-
 /// Factors within this of 1 are not worth a word.
 const NOTED: f64 = 0.02;
 
@@ -86,7 +83,7 @@ impl PhotographOptions {
         self.crop
     }
 
-    /// Sets what `capture`'s pictures are to become; pictures that are read for that may spill beside `output`.
+    /// Sets what `capture`'s pictures are to become; pictures that are read for that may spill into `spill_folder`.
     ///
     /// # Errors
     /// Exit code 2 for parts outside the pictures and colours of grey ones, and what reading gives.
@@ -94,7 +91,7 @@ impl PhotographOptions {
         &self,
         capture: &mut OpenCapture,
         machine: &Machine,
-        output: &Path,
+        spill_folder: &Path,
     ) -> Result<(), Failure> {
         let size = capture.size();
         if let Some(crop) = self.crop {
@@ -103,7 +100,7 @@ impl PhotographOptions {
         }
         let factors = match (&self.intensities, self.exposure) {
             (Some(path), _) => Some(read_intensity_file(path)?.factors_of(capture)?),
-            (None, Some(Exposure::Auto)) => Some(estimated(capture, machine, output)?),
+            (None, Some(Exposure::Auto)) => estimated(capture, machine, spill_folder)?,
             (None, _) => None,
         };
         if let Some(factors) = factors {
@@ -118,7 +115,7 @@ impl PhotographOptions {
             let grey = match white_balance {
                 WhiteBalance::Card(grey) => grey,
                 WhiteBalance::Patch { x, y, radius } => {
-                    patch(capture, (x, y, radius), size, machine, output)?
+                    patch(capture, (x, y, radius), size, machine, spill_folder)?
                 }
             };
             let luminance: f64 =
@@ -153,14 +150,15 @@ impl PhotographOptions {
         if let (Some(path), None) = (&self.intensities, same.iter().copied().collect::<Option<Vec<usize>>>())
         {
             // White balance is one for all pictures: what a gain is beyond its factor.
-            let of_all = read_intensity_file(path)?.factors_of(all)?;
+            let intensities = read_intensity_file(path)?;
+            let of_all = intensities.factors_of(all)?;
             let balance = [0, 1, 2].map(|c| f64::from(all.gains[0][c]) * of_all[0][c]);
-            let factors = read_intensity_file(path)?.factors_of(judges)?;
+            let of_judges = intensities.factors_of(judges)?;
             judges.gains =
-                factors.iter().map(|factor| [0, 1, 2].map(|c| (balance[c] / factor[c]) as f32)).collect();
+                of_judges.iter().map(|factor| [0, 1, 2].map(|c| (balance[c] / factor[c]) as f32)).collect();
             return Ok(());
         }
-        let is_one_for_all = self.intensities.is_none() && self.exposure != Some(Exposure::Auto);
+        let is_one_for_all = all.gains.iter().all(|gain| *gain == all.gains[0]);
         judges.gains = same
             .iter()
             .zip(&judges.capture.pictures)
@@ -187,12 +185,16 @@ fn check_within(option: &str, crop: Crop, (width, height): (usize, usize)) -> Re
     )))
 }
 
-/// Exposure factors from the pictures themselves, with a note of those that stand out.
-fn estimated(capture: &mut OpenCapture, machine: &Machine, output: &Path) -> Result<Vec<[f64; 3]>, Failure> {
+/// Exposure factors from the pictures themselves, where these show that lamps varied, with a note of what was found.
+fn estimated(
+    capture: &mut OpenCapture,
+    machine: &Machine,
+    spill_folder: &Path,
+) -> Result<Option<Vec<[f64; 3]>>, Failure> {
     let full_scale = capture.full_scale(Space::Linear);
     // The sample's values and ratios.
     let kept_back = capture.infos.len() as u64 * (8192 * 3 * 4 + 4096 * 12);
-    let stack = load(capture, Space::Linear, machine, kept_back, output)?;
+    let stack = load(capture, Space::Linear, machine, kept_back, spill_folder)?;
     let found =
         exposure_factors(&stack, &capture.capture.lights.directions(), &full_scale).map_err(|error| {
             match error {
@@ -202,6 +204,14 @@ fn estimated(capture: &mut OpenCapture, machine: &Machine, output: &Path) -> Res
                 error => error.into(),
             }
         })?;
+    let sample = Sample::of(&stack).map_err(FitError::from)?;
+    let factors: Vec<f64> = found.iter().map(|factor| factor.unwrap_or(1.0)).collect();
+    let trial = exposure_trial(&capture.capture.lights, &sample, &factors)?;
+    let words = words_of_trial(&factors, trial);
+    if !trial.is_some_and(ExposureTrial::is_accepted) {
+        capture.capture.notes.push(words);
+        return Ok(None);
+    }
     let names = || capture.capture.lights.lights.iter().map(|light| light.name.as_str());
     let odd: Vec<String> = names()
         .zip(&found)
@@ -211,21 +221,13 @@ fn estimated(capture: &mut OpenCapture, machine: &Machine, output: &Path) -> Res
         .collect();
     let untold: Vec<&str> =
         names().zip(&found).filter(|(_, factor)| factor.is_none()).map(|(name, _)| name).collect();
-    let mut notes = Vec::new();
+    let mut notes = vec![words];
     if !odd.is_empty() {
         notes.push(format!(
             "exposure: {} of {} pictures are more than 2 % off and are divided by their factors: {}",
             odd.len(),
             found.len(),
             odd.join(", ")
-        ));
-    }
-    let doubtful = found.iter().flatten().filter(|factor| (*factor - 1.0).abs() > DOUBTFUL).count();
-    if 2 * doubtful > found.len() {
-        notes.push(format!(
-            "exposure: {doubtful} of {} factors are more than 10 % off, which glossy and flat surfaces make of even lamps, too: \
-             compare --holdout with and without --exposure auto",
-            found.len()
         ));
     }
     if !untold.is_empty() {
@@ -235,7 +237,34 @@ fn estimated(capture: &mut OpenCapture, machine: &Machine, output: &Path) -> Res
         ));
     }
     capture.capture.notes.extend(notes);
-    Ok(found.into_iter().map(|factor| [factor.unwrap_or(1.0); 3]).collect())
+    Ok(Some(factors.into_iter().map(|factor| [factor; 3]).collect()))
+}
+
+/// Whether factors are taken, and why.
+fn words_of_trial(factors: &[f64], trial: Option<ExposureTrial>) -> String {
+    let least = factors.iter().copied().fold(f64::INFINITY, f64::min);
+    let largest = factors.iter().copied().fold(0.0, f64::max);
+    let found = format!("exposure: the factors found, {least:.3} to {largest:.3},");
+    let Some(trial) = trial else {
+        return format!(
+            "{found} are not taken: the lights are too few to tell whether they help; give --intensities"
+        );
+    };
+    let errors = format!(
+        "they change pictures by {:.2} %, and the error of predicting these from one another from {:.2} % to {:.2} %",
+        100.0 * trial.variation,
+        100.0 * trial.stored,
+        100.0 * trial.divided
+    );
+    let are_alike = factors.iter().all(|factor| (factor - 1.0).abs() <= NOTED);
+    match (trial.is_accepted(), are_alike) {
+        (true, _) => format!("{found} are taken: {errors}"),
+        (false, true) => format!("{found} are not taken: lamps were alike"),
+        (false, false) => format!(
+            "{found} are not taken: {errors}; flat and glossy surfaces make such factors of even lamps, --intensities \
+             sets others"
+        ),
+    }
 }
 
 /// Mean linear light of a disc of the whole pictures, all of them together, where no channel is saturated.
@@ -244,7 +273,7 @@ fn patch(
     (x, y, radius): (usize, usize, usize),
     size: (usize, usize),
     machine: &Machine,
-    output: &Path,
+    spill_folder: &Path,
 ) -> Result<[f64; 3], Failure> {
     let option = format!("--white-balance auto:{x},{y},{radius}");
     let edge = 2 * radius + 1;
@@ -264,7 +293,7 @@ fn patch(
     let mut cut = capture.clone();
     cut.crop = Some(square);
     let full_scale = cut.full_scale(Space::Linear);
-    let stack = load(&cut, Space::Linear, machine, 0, output)?;
+    let stack = load(&cut, Space::Linear, machine, 0, spill_folder)?;
     let rows = stack.rows(0..edge * edge * 3).map_err(FitError::from)?;
     let mut values = vec![0.0f32; edge * edge * 3];
     let (mut sums, mut count) = ([0.0f64; 3], 0usize);

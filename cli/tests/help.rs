@@ -7,7 +7,8 @@ mod scene;
 use scene::relight;
 use std::path::Path;
 
-const SUBCOMMANDS: [&str; 12] = [
+/// A program without `gpu` lacks the last two.
+const SUBCOMMANDS: &[&str] = &[
     "bake",
     "render",
     "view",
@@ -18,7 +19,9 @@ const SUBCOMMANDS: [&str; 12] = [
     "shader",
     "positions",
     "info",
+    #[cfg(feature = "gpu")]
     "verify",
+    #[cfg(feature = "gpu")]
     "preview",
 ];
 
@@ -47,7 +50,9 @@ fn every_subcommand_explains_its_options() {
         ("positions", &["--depth <FILE>", "--camera <FILE>", "--depth-kind", "--depth-channel", "--output"]),
         ("info", &["<FILE>", "--json"]),
         ("shader", &["<ASSET>", "--lang", "--output", "--maps-per-pass"]),
+        #[cfg(feature = "gpu")]
         ("verify", &["<ASSET>", "--lights", "--tolerance", "--against", "--require-gpu"]),
+        #[cfg(feature = "gpu")]
         ("preview", &["<ASSET>", "--size", "--light", "--backend"]),
     ] {
         for spelling in

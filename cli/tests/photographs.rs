@@ -291,6 +291,35 @@ fn exposure_is_found_out_and_what_is_off_is_listed() {
 }
 
 #[test]
+fn factors_that_a_flat_surface_makes_are_refused_and_those_of_lamps_are_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    // A nearly flat, glossy surface.
+    let flat = |x: usize, y: usize, i: usize| {
+        let [lx, ly, lz] = light(i, 40);
+        let slant = 0.02 * ((x * 5 + y * 3) % 7) as f64 - 0.06;
+        let halfway = (lx * slant + lz + 1.0) / (2.0 + 2.0 * lz).sqrt();
+        let albedo = [0.3, 0.25, 0.2].map(|c| c + 0.02 * ((x + 3 * y) % 5) as f64);
+        albedo.map(|albedo| albedo * (lx * slant + lz).max(0.0) + 0.4 * halfway.max(0.0).powi(40))
+    };
+    write_bytes(&here.join("even"), 40, flat);
+    let factor = |i: usize| [0.7, 1.2, 0.95, 1.1, 0.85][i * i % 5];
+    write_bytes(&here.join("flickering"), 40, |x, y, i| flat(x, y, i).map(|value| value * factor(i)));
+    let bake = |capture: &str, rest: &str| {
+        let line = format!("bake {capture} -o a.ktx2 --basis hsh -k 9 --report r.json {rest}");
+        relight(here, &line).ok();
+        let notes = json_of(&here.join("r.json"))["notes"].to_string();
+        (fs::read(here.join("a.ktx2")).unwrap(), notes)
+    };
+    let (refused, notes) = bake("even", "--exposure auto");
+    assert!(notes.contains("are not taken") && notes.contains("--intensities"), "{notes}");
+    assert!(refused == bake("even", "").0, "the asset is that of the stored pictures");
+    let (accepted, notes) = bake("flickering", "--exposure auto");
+    assert!(notes.contains("are taken") && notes.contains("factors: "), "{notes}");
+    assert!(accepted != bake("flickering", "").0);
+}
+
+#[test]
 fn white_balance_makes_a_card_grey_and_keeps_its_luminance() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();

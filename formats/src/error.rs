@@ -72,6 +72,14 @@ impl FormatError {
     }
 }
 
+/// Refuses what would take more than `limit` bytes, before it is allocated.
+pub(crate) fn check_memory(needed: u64, limit: u64, path: &Path) -> Result<(), FormatError> {
+    if needed > limit || usize::try_from(needed).is_err() {
+        return Err(FormatError::too_large(path, needed, limit));
+    }
+    Ok(())
+}
+
 impl fmt::Display for FormatError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -2,6 +2,7 @@
 //! (largest level). The data window is the picture.
 
 use crate::FormatError;
+use crate::error::check_memory;
 use exr::block::UncompressedBlock;
 use exr::block::reader::{ChunksReader, Reader};
 use exr::compression::Compression;
@@ -65,10 +66,7 @@ impl ChosenChannels {
         }
         let pixels = (width as u64).saturating_mul(height as u64);
         let needed = pixels.saturating_mul(pixel_bytes).saturating_add(block_bytes);
-        if needed > limit || usize::try_from(needed).is_err() {
-            return Err(FormatError::too_large(path, needed, limit));
-        }
-        Ok(())
+        check_memory(needed, limit, path)
     }
 }
 

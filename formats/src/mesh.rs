@@ -8,6 +8,7 @@ mod gltf;
 mod obj;
 
 use crate::FormatError;
+use crate::error::check_memory;
 use relight_surface::{Mesh, SurfaceError};
 use std::fs::File;
 use std::io::Read;
@@ -51,11 +52,4 @@ fn bytes_of(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
     read.map_err(|source| FormatError::io(path, "read", source))?;
     check_memory(bytes.len() as u64, limit, path)?;
     Ok(bytes)
-}
-
-fn check_memory(needed: u64, limit: u64, path: &Path) -> Result<(), FormatError> {
-    if needed > limit {
-        return Err(FormatError::too_large(path, needed, limit));
-    }
-    Ok(())
 }

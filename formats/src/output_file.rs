@@ -3,13 +3,14 @@
 
 use crate::FormatError;
 use crate::positioned::write_all_at;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 /// Names longer than this are left out of the temporary's own: systems end at 255 bytes.
-pub(crate) const LONGEST_NAME: usize = 200;
+const LONGEST_NAME: usize = 200;
 
 /// A file on its way to `path`.
 ///
@@ -43,27 +44,10 @@ impl OutputFile {
             let kind = if metadata.is_dir() { "a folder" } else { "not a regular file" };
             return Err(FormatError::invalid(path, format!("is {kind}; name a file to write")));
         }
-        let folder = match target.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
-        if !folder.is_dir() {
-            let words = format!("there is no folder {}", folder.display());
-            return Err(FormatError::io(path, "create", io::Error::new(io::ErrorKind::NotFound, words)));
-        }
-        let mut prefix = std::ffi::OsString::from(".");
-        if name.len() <= LONGEST_NAME {
-            prefix.push(name);
-        }
-        prefix.push(".relight-");
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(&prefix).suffix(".tmp");
-        // What the system gives a new file: it takes the umask off these.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let folder = folder_around(path, &target)?;
         // The crate's error names the temporary, which would puzzle: keep the kind alone.
-        let temporary =
-            builder.tempfile_in(folder).map_err(|e| FormatError::io(path, "create", e.kind().into()))?;
+        let temporary = hidden(name, 0o666, |builder| builder.tempfile_in(folder))
+            .map_err(|e| FormatError::io(path, "create", e.kind().into()))?;
         Ok(Self { path: path.to_owned(), target, temporary })
     }
 
@@ -119,6 +103,43 @@ impl OutputFile {
     fn write_error(&self, source: io::Error) -> FormatError {
         FormatError::io(&self.path, "write", source)
     }
+}
+
+/// The folder in which `target` is to stand; `path` is what the user called that.
+///
+/// # Errors
+/// [`FormatError::Io`] when there is none.
+pub(crate) fn folder_around<'a>(path: &Path, target: &'a Path) -> Result<&'a Path, FormatError> {
+    let folder = match target.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    if folder.is_dir() {
+        return Ok(folder);
+    }
+    let words = format!("there is no folder {}", folder.display());
+    Err(FormatError::io(path, "create", io::Error::new(io::ErrorKind::NotFound, words)))
+}
+
+/// Makes the temporary `.name.relight-XXXXXX.tmp`, with the permissions `mode` that the system gives what is new: it
+/// takes the umask off these.
+pub(crate) fn hidden<T>(
+    name: &OsStr,
+    mode: u32,
+    make: impl FnOnce(&tempfile::Builder<'_, '_>) -> io::Result<T>,
+) -> io::Result<T> {
+    let mut prefix = OsString::from(".");
+    if name.len() <= LONGEST_NAME {
+        prefix.push(name);
+    }
+    prefix.push(".relight-");
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(".tmp");
+    // Elsewhere there is no such mode.
+    let _ = mode;
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
+    make(&builder)
 }
 
 /// Puts all files in their places, in order. When one can't be, those before it that replaced

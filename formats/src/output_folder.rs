@@ -1,6 +1,8 @@
 //! Folders that appear whole or not at all: written under a hidden name beside the target, then renamed.
 
 use crate::FormatError;
+use crate::output_file::{folder_around, hidden};
+use std::ffi::OsStr;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -31,15 +33,9 @@ impl OutputFolder {
             return Err(FormatError::invalid(path, "is not the name of a folder; name one to write"));
         };
         check_replaceable(path, &target, marks, is_own)?;
-        let around = match target.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
-        if !around.is_dir() {
-            let words = format!("there is no folder {}", around.display());
-            return Err(FormatError::io(path, "create", io::Error::new(io::ErrorKind::NotFound, words)));
-        }
-        let temporary = hidden(name, around).map_err(|e| FormatError::io(path, "create", e.kind().into()))?;
+        let around = folder_around(path, &target)?;
+        let temporary =
+            hidden_folder(name, around).map_err(|e| FormatError::io(path, "create", e.kind().into()))?;
         Ok(Self { path: path.to_owned(), target, temporary })
     }
 
@@ -66,7 +62,7 @@ impl OutputFolder {
             fs::rename(new, &self.target).map_err(|e| self.write_error(e))?;
         } else {
             let (around, name) = (new.parent().unwrap_or(Path::new(".")), self.target.file_name());
-            let aside = hidden(name.unwrap_or_default(), around).map_err(|e| self.write_error(e))?;
+            let aside = hidden_folder(name.unwrap_or_default(), around).map_err(|e| self.write_error(e))?;
             let old = aside.path().join("old");
             fs::rename(&self.target, &old).map_err(|e| self.write_error(e))?;
             if let Err(error) = fs::rename(new, &self.target) {
@@ -86,18 +82,8 @@ impl OutputFolder {
 }
 
 /// A new folder of a hidden name, gone when it is dropped.
-fn hidden(name: &std::ffi::OsStr, around: &Path) -> io::Result<TempDir> {
-    let mut prefix = std::ffi::OsString::from(".");
-    if name.len() <= crate::output_file::LONGEST_NAME {
-        prefix.push(name);
-    }
-    prefix.push(".relight-");
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(".tmp");
-    // What the system gives a new folder: it takes the umask off these.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
-    builder.tempdir_in(around)
+fn hidden_folder(name: &OsStr, around: &Path) -> io::Result<TempDir> {
+    hidden(name, 0o777, |builder| builder.tempdir_in(around))
 }
 
 fn check_replaceable(

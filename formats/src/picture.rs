@@ -13,6 +13,7 @@ mod radiance;
 mod tiff;
 
 use crate::FormatError;
+use crate::error::check_memory;
 use half::f16;
 use relight_core::CpuLevel;
 use std::fs::File;
@@ -311,14 +312,6 @@ fn checked_size(info: PictureInfo, path: &Path) -> Result<PictureInfo, FormatErr
         return Err(FormatError::invalid(path, problem));
     }
     Ok(info)
-}
-
-/// Refuses what would take more than `limit` bytes, before it is allocated.
-fn check_memory(needed: u64, limit: u64, path: &Path) -> Result<(), FormatError> {
-    if needed > limit || usize::try_from(needed).is_err() {
-        return Err(FormatError::too_large(path, needed, limit));
-    }
-    Ok(())
 }
 
 /// Keeps the first `kept` of every `stored` samples: drops alpha.

@@ -7,18 +7,29 @@ use relight_core::basis::Learned;
 use relight_core::{Basis, Design, FitFigures, Layout, Stack};
 use relight_fit::{
     ChannelSample, FitError, LIGHTS_PER_FUNCTION, LearnedFit, LeastSquares, LeaveOneOut, Misfit, PixelFit,
-    Sample, WORST_CONDITION, largest_usable, misfits,
+    Sample, WORST_CONDITION, largest_usable, learned_bytes, misfits,
 };
 use relight_formats::OpenCapture;
 use relight_texture::{TexelFormat, level_size};
 
-/// The basis to fit.
+/// What to fit.
 pub(super) struct Choice {
-    /// What is fitted; `None` where functions are learned from the pictures alone.
-    basis: Option<Basis>,
-    /// Planes at most and channels, where planes are learned.
-    planes: Option<(usize, usize)>,
+    kind: Kind,
     notes: Vec<String>,
+}
+
+/// How coefficients are to come about.
+enum Kind {
+    /// Of the functions of a basis.
+    Functions(Basis),
+    /// Planes that are learned.
+    Planes {
+        /// How many at most.
+        most: usize,
+        channels: usize,
+        /// What continues the pictures between the lights; `None` for what is learned from the pictures alone.
+        basis: Option<Basis>,
+    },
 }
 
 impl Choice {
@@ -46,19 +57,27 @@ impl Choice {
             );
             return Err(Failure::new(Exit::OverBudget, message));
         }
-        if let Some((planes, _)) = &mut self.planes {
-            *planes = (*planes as u64).min(layers * format.channels() as u64) as usize;
+        if let Kind::Planes { most, .. } = &mut self.kind {
+            *most = (*most as u64).min(layers * format.channels() as u64) as usize;
         }
         Ok(())
     }
 
     /// The basis that is stored; learned functions are blank as yet: only their number is known.
     pub(super) fn stored(&self) -> Result<Basis, Failure> {
-        match (&self.basis, self.planes) {
-            (Some(basis), None) => Ok(basis.clone()),
-            (_, planes) => {
-                let (planes, channels) = planes.unwrap_or((1, 3));
-                Ok(Basis::Learned(Learned::blank(planes, channels)?))
+        match &self.kind {
+            Kind::Functions(basis) => Ok(basis.clone()),
+            Kind::Planes { most, channels, .. } => Ok(Basis::Learned(Learned::blank(*most, *channels)?)),
+        }
+    }
+
+    /// Bytes that [`solve`] takes for the pictures of `capture`, beyond those of fitting.
+    pub(super) fn solving_bytes(&self, capture: &OpenCapture) -> u64 {
+        match self.kind {
+            Kind::Functions(_) => 0,
+            Kind::Planes { most, channels, .. } => {
+                let (width, height) = capture.size();
+                learned_bytes(capture.infos.len(), channels, width * height, most)
             }
         }
     }
@@ -134,13 +153,16 @@ pub(super) fn choose_basis(arguments: &BakeArguments, capture: &OpenCapture) -> 
             None if arguments.budget_bytes.is_some() => MOST_PLANES,
             None => family.default_count,
         };
-        let planes = arguments.asked_count()?.unwrap_or(most);
-        return Ok(Choice { basis: None, planes: Some((planes, channels)), notes: Vec::new() });
+        let most = arguments.asked_count()?.unwrap_or(most);
+        return Ok(Choice { kind: Kind::Planes { most, channels, basis: None }, notes: Vec::new() });
     }
-    let planes = arguments.planes.map(|planes| (planes, channels));
+    let kind = |basis| match arguments.planes {
+        Some(most) => Kind::Planes { most, channels, basis: Some(basis) },
+        None => Kind::Functions(basis),
+    };
     let build = |count| family.build(&Design { count, lights, srbf });
     if let Some(count) = arguments.asked_count()? {
-        return Ok(Choice { basis: Some(build(count)?), planes, notes: Vec::new() });
+        return Ok(Choice { kind: kind(build(count)?), notes: Vec::new() });
     }
     let smallest = family.counts_up_to(family.default_count).first().copied().unwrap_or(family.default_count);
     let usable = largest_usable(family, lights, srbf, family.default_count)?;
@@ -158,7 +180,7 @@ pub(super) fn choose_basis(arguments: &BakeArguments, capture: &OpenCapture) -> 
             basis.count()
         ));
     }
-    Ok(Choice { basis: Some(basis), planes, notes })
+    Ok(Choice { kind: kind(basis), notes })
 }
 
 /// Solves the fit and examines it.
@@ -170,25 +192,24 @@ pub(super) fn solve(
     stack: &dyn Stack,
 ) -> Result<BakeFit, Failure> {
     let directions = capture.capture.lights.directions();
-    let Choice { basis, planes, mut notes } = choice;
+    let Choice { kind, mut notes } = choice;
     let lights = &capture.capture.lights;
     let least_squares = |basis: Basis, sample: &Sample, notes: &mut Vec<String>| -> Result<_, Failure> {
         let fit = LeastSquares::new(basis, &directions, arguments.weighting(), arguments.ridge, sample)?;
         notes.extend(deficiency(arguments, capture, &fit)?);
         Ok(fit)
     };
-    let (solved, misfits) = match (basis, planes) {
-        (Some(basis), None) => {
+    let (solved, misfits) = match kind {
+        Kind::Functions(basis) => {
             let sample = Sample::of(stack).map_err(FitError::from)?;
             interrupt::check()?;
             let fit = least_squares(basis, &sample, &mut notes)?;
             (Solved::Functions(fit, layout), misfits(lights, &sample)?)
         }
-        (basis, planes) => {
+        Kind::Planes { most, basis, .. } => {
             let sample = ChannelSample::of(stack).map_err(FitError::from)?;
             interrupt::check()?;
-            let asked = planes.map_or(1, |(planes, _)| planes);
-            let design = arguments.learned_design(asked);
+            let design = arguments.learned_design(most);
             let fit = match basis {
                 None => LearnedFit::new(&directions, design, &sample)?,
                 Some(basis) => {
@@ -197,8 +218,8 @@ pub(super) fn solve(
                 }
             };
             let found = fit.basis.planes();
-            if found < asked && arguments.target_psnr.is_none() {
-                notes.push(format!("the pictures have no more than {found} planes of the {asked} asked for"));
+            if found < most && arguments.target_psnr.is_none() {
+                notes.push(format!("the pictures have no more than {found} planes of the {most} asked for"));
             }
             (Solved::Planes(fit), misfits(lights, &sample.of_pictures)?)
         }

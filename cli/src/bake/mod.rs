@@ -135,11 +135,12 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         check_writable(path)?;
     }
     let settings = arguments.textures.settings(machine.memory)?;
+    let spill_folder = spill_folder(&arguments.output);
     let mut stages = Stages(Vec::new());
 
     let mut all = stages.time("open", || open_capture(&arguments.input))?;
     let whole = all.size();
-    stages.time("adjust", || arguments.photographs.apply(&mut all, &machine, &arguments.output))?;
+    stages.time("adjust", || arguments.photographs.apply(&mut all, &machine, &spill_folder))?;
     notes::print(&all.capture.notes);
     let (fitted, left_out) = split(&all, arguments)?;
     let judges =
@@ -183,9 +184,11 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let span = span_pixels(width, needs_rows(formats.iter().copied(), levels));
     let working = working_bytes(formats.iter().copied(), model.plane_count(), span);
     let spans = machine.threads as u64 * (span_bytes(fitted.infos.len(), model.maps(), span) + working);
+    // Fitting begins when what it takes to solve is gone.
+    let needed = spans.max(choice.solving_bytes(&fitted));
     let kept_back =
-        format.held_bytes(&plan, &settings).saturating_add(spans).saturating_add(position_bytes as u64);
-    let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &arguments.output))?;
+        format.held_bytes(&plan, &settings).saturating_add(needed).saturating_add(position_bytes as u64);
+    let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &spill_folder))?;
     let mut fit = stages.time("solve", || fit::solve(arguments, choice, &fitted, layout, &stack))?;
     model.basis = fit.solved.basis();
     model.figures = Some(fit.solved.figures());
@@ -298,26 +301,30 @@ fn split(
     Ok((all.select(&kept), Some(judge)))
 }
 
+/// Where pictures that exceed the memory go when `output` is written: TMPDIR, where that is set, or else beside it.
+pub(crate) fn spill_folder(output: &Path) -> PathBuf {
+    match std::env::var_os("TMPDIR") {
+        Some(folder) => PathBuf::from(folder),
+        None => output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned(),
+    }
+}
+
 /// Decodes the pictures of `capture` within the machine's memory less `kept_back`; what doesn't fit goes to a temporary file
-/// beside `output`.
+/// in `spill_folder`.
 pub(crate) fn load(
     capture: &OpenCapture,
     space: Space,
     machine: &Machine,
     kept_back: u64,
-    output: &Path,
+    spill_folder: &Path,
 ) -> Result<PictureStack, Failure> {
     let bar = progress::bar("decoding", capture.infos.len());
-    let folder = match std::env::var_os("TMPDIR") {
-        Some(folder) => PathBuf::from(folder),
-        None => output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned(),
-    };
     let settings = StackSettings {
         space,
         memory: machine.memory,
         kept_back,
         threads: machine.threads,
-        spill_folder: &folder,
+        spill_folder,
         level: machine.level,
         cancel: interrupt::flag(),
         progress: &|done| bar.set_position(done as u64),

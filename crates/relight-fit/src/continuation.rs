@@ -2,6 +2,8 @@
 
 use crate::LeastSquares;
 use crate::interpolation::Interpolation;
+use crate::leave_one_out::FULL_LEVERAGE;
+use crate::row_products::combination;
 use relight_core::Direction;
 use relight_core::sphere::Cap;
 
@@ -12,9 +14,6 @@ const MEASURED: f64 = 0.25;
 
 /// Functions know nothing but what they make of the pictures: only enough for a root to exist.
 const MEASURED_OF_FUNCTIONS: f64 = 1e-7;
-
-/// A light of more leverage is fitted by itself alone.
-const FULL_LEVERAGE: f64 = 1.0 - 1e-9;
 
 /// A linear way from the values at N lights to the value in any direction.
 pub(crate) enum Continuation<'a> {
@@ -37,11 +36,7 @@ impl<'a> Continuation<'a> {
             Self::Functions { fit, lights, .. } => {
                 let mut functions = vec![0.0; fit.basis.count()];
                 fit.basis.evaluate(direction, &mut functions);
-                let mut row = vec![0.0; lights.len()];
-                for (b, of_function) in functions.iter().zip(fit.solution.chunks_exact(lights.len())) {
-                    row.iter_mut().zip(of_function).for_each(|(sum, s)| *sum += b * s);
-                }
-                row
+                combination(&functions, &fit.solution, lights.len())
             }
         }
     }
@@ -74,16 +69,16 @@ impl<'a> Continuation<'a> {
     /// How many values the pictures' continuation depends on at most, in each channel.
     pub(crate) fn freedoms(&self) -> usize {
         match self {
-            Self::Spline(spline) => spline.lights().len(),
+            Self::Spline(_) => self.lights().len(),
             Self::Functions { fit, .. } => fit.decomposition.rank(),
         }
     }
 
-    /// Number of lights.
-    pub(crate) fn lights(&self) -> usize {
+    /// The lights, at least one.
+    pub(crate) fn lights(&self) -> &[Direction] {
         match self {
-            Self::Spline(spline) => spline.lights().len(),
-            Self::Functions { lights, .. } => lights.len(),
+            Self::Spline(spline) => spline.lights(),
+            Self::Functions { lights, .. } => lights,
         }
     }
 
@@ -97,11 +92,7 @@ impl<'a> Continuation<'a> {
 
     /// Whether no light lies below the picture's plane.
     pub(crate) fn above_horizon(&self) -> bool {
-        let lights = match self {
-            Self::Spline(spline) => spline.lights(),
-            Self::Functions { lights, .. } => lights,
-        };
-        lights.iter().all(|light| light.z() >= 0.0)
+        self.lights().iter().all(|light| light.z() >= 0.0)
     }
 
     /// The part of the pictures as they lie in what counts as energy.

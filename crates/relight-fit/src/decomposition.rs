@@ -1,6 +1,7 @@
 //! The basis on the lights, taken apart by singular values: what can be fitted, and how safely.
 
 use crate::FitError;
+use crate::row_products::product;
 use crate::singular_values::SingularValues;
 use nalgebra::DMatrix;
 use relight_core::sphere::voronoi_weights;
@@ -108,15 +109,6 @@ impl Decomposition {
 
     /// The N x N hat matrix (row-major) of `solution`: fitted values = hat x values.
     pub fn hat(&self, solution: &[f64]) -> Vec<f64> {
-        let mut hat = vec![0.0; self.lights * self.lights];
-        for (i, row) in hat.chunks_exact_mut(self.lights).enumerate() {
-            for (j, coefficients) in solution.chunks_exact(self.lights).enumerate() {
-                let b = self.design[i * self.functions + j];
-                for (value, c) in row.iter_mut().zip(coefficients) {
-                    *value += b * c;
-                }
-            }
-        }
-        hat
+        product(&self.design, solution, self.lights)
     }
 }

@@ -1,6 +1,7 @@
 //! Values at scattered lights continued over the sphere: smoothing splines with a closed form for leaving each
 //! light out.
 
+use crate::row_products::quadratic_form;
 use crate::singular_values::SingularValues;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -37,30 +38,20 @@ pub(crate) struct Interpolation {
     solution: DMatrix<f64>,
 }
 
-impl Interpolation {
-    /// Takes the smoothing that predicts pictures best from the others; `gram` holds the mean products of the
-    /// N pictures, N x N. `None` without lights.
-    pub(crate) fn of_pictures(lights: &[Direction], gram: &[f64]) -> Option<Self> {
-        let tried: Vec<Self> =
-            SMOOTHINGS.par_iter().filter_map(|&smoothing| Self::new(lights, smoothing)).collect();
-        let n = lights.len();
-        let error = |fit: &Self| -> f64 {
-            let square = |light: usize| {
-                let residual = fit.left_out(light);
-                let inner = |row: &[f64]| row.iter().zip(&residual).map(|(g, r)| g * r).sum::<f64>();
-                gram.chunks_exact(n).zip(&residual).map(|(row, r)| r * inner(row)).sum::<f64>()
-            };
-            (0..n).map(square).sum()
-        };
-        tried
-            .into_iter()
-            .map(|fit| (error(&fit), fit))
-            .reduce(|a, b| if b.0 < a.0 { b } else { a })
-            .map(|(_, fit)| fit)
-    }
+/// What splines through the same lights share, whatever their smoothing.
+struct SplineSystem<'a> {
+    lights: &'a [Direction],
+    covered: Cap,
+    linear: Vec<[f64; 4]>,
+    /// (N + linear functions) squared, without smoothing.
+    matrix: DMatrix<f64>,
+    /// The kernel's mean eigenvalue beside the linear functions.
+    mean: f64,
+}
 
-    /// `None` without lights or where the system has no solution.
-    pub(crate) fn new(lights: &[Direction], smoothing: f64) -> Option<Self> {
+impl<'a> SplineSystem<'a> {
+    /// `None` without lights.
+    fn new(lights: &'a [Direction]) -> Option<Self> {
         let n = lights.len();
         let covered = Cap::enclosing(lights)?;
         let sum = lights.iter().fold([0.0; 3], |sum, light| {
@@ -78,28 +69,61 @@ impl Interpolation {
             [-(0..3).map(|i| right[(i, r)] * middle[i]).sum::<f64>(), x, y, z]
         }));
         let rank = linear.len();
+        let matrix = DMatrix::from_fn(n + rank, n + rank, |i, j| match (i < n, j < n) {
+            (true, true) => kernel(lights[i], lights[j]),
+            (true, false) => value_of(&linear[j - n], lights[i]),
+            (false, true) => value_of(&linear[i - n], lights[j]),
+            (false, false) => 0.0,
+        });
         // Orthonormal over the lights.
         let flat = |i: usize, r: usize| if r == 0 { 1.0 / (n as f64).sqrt() } else { left[(i, r - 1)] };
         // The kernel's trace is 0: its mean eigenvalue beside the linear functions is what they take away.
         let of_linear: f64 = (0..rank)
             .map(|r| {
-                let row = |i: usize| (0..n).map(|j| kernel(lights[i], lights[j]) * flat(j, r)).sum::<f64>();
+                let row = |i: usize| (0..n).map(|j| matrix[(i, j)] * flat(j, r)).sum::<f64>();
                 (0..n).map(|i| flat(i, r) * row(i)).sum::<f64>()
             })
             .sum();
         let mean = if n > rank { -of_linear / (n - rank) as f64 } else { 0.0 };
-        let diagonal = if mean > 0.0 { smoothing * mean } else { 1.0 };
-        let system = DMatrix::from_fn(n + rank, n + rank, |i, j| match (i < n, j < n) {
-            (true, true) => kernel(lights[i], lights[j]) + if i == j { diagonal } else { 0.0 },
-            (true, false) => value_of(&linear[j - n], lights[i]),
-            (false, true) => value_of(&linear[i - n], lights[j]),
-            (false, false) => 0.0,
-        });
-        let solution = system.lu().try_inverse()?.columns(0, n).into_owned();
+        Some(Self { lights, covered, linear, matrix, mean })
+    }
+
+    /// `None` where the system has no solution.
+    fn smoothed(&self, smoothing: f64) -> Option<Interpolation> {
+        let Self { lights, covered, linear, matrix, mean } = self;
+        let diagonal = if *mean > 0.0 { smoothing * mean } else { 1.0 };
+        let mut matrix = matrix.clone();
+        for i in 0..lights.len() {
+            matrix[(i, i)] += diagonal;
+        }
+        let solution = matrix.lu().try_inverse()?.columns(0, lights.len()).into_owned();
         if solution.iter().any(|value| !value.is_finite()) {
             return None;
         }
-        Some(Self { smoothing, diagonal, lights: lights.to_vec(), covered, linear, solution })
+        let (lights, covered, linear) = (lights.to_vec(), *covered, linear.clone());
+        Some(Interpolation { smoothing, diagonal, lights, covered, linear, solution })
+    }
+}
+
+impl Interpolation {
+    /// Bytes that [`Self::of_pictures`] takes for `lights` lights: the system, and for each smoothing its own, taken
+    /// apart, inverted, and what is kept of that.
+    pub(crate) fn bytes(lights: u64) -> u64 {
+        let rows = lights + 4;
+        8 * rows * rows * (1 + 3 * SMOOTHINGS.len() as u64)
+    }
+
+    /// Takes the smoothing that predicts pictures best from the others; `gram` holds the mean products of the
+    /// N pictures, N x N. `None` without lights.
+    pub(crate) fn of_pictures(lights: &[Direction], gram: &[f64]) -> Option<Self> {
+        let system = SplineSystem::new(lights)?;
+        let judged = |&smoothing: &f64| {
+            let fit = system.smoothed(smoothing)?;
+            let error: f64 = (0..lights.len()).map(|light| quadratic_form(gram, &fit.left_out(light))).sum();
+            Some((error, fit))
+        };
+        let tried: Vec<(f64, Self)> = SMOOTHINGS.par_iter().filter_map(judged).collect();
+        tried.into_iter().reduce(|a, b| if b.0 < a.0 { b } else { a }).map(|(_, fit)| fit)
     }
 
     /// By how much each light's value counts towards `direction`: N numbers.
@@ -159,28 +183,29 @@ fn kernel(a: Direction, b: Direction) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::row_products::dot;
     use relight_core::sphere::fibonacci_in;
 
     fn dome(count: usize) -> Vec<Direction> {
         fibonacci_in(Cap { axis: Direction::OUT, radius: 1.3 }, count)
     }
 
-    fn applied(row: &[f64], values: &[f64]) -> f64 {
-        row.iter().zip(values).map(|(a, b)| a * b).sum()
+    fn smoothed(lights: &[Direction], smoothing: f64) -> Option<Interpolation> {
+        SplineSystem::new(lights)?.smoothed(smoothing)
     }
 
     #[test]
     fn linear_functions_are_kept_and_values_met() {
         let lights = dome(30);
-        let fit = Interpolation::new(&lights, 1e-6).unwrap();
+        let fit = smoothed(&lights, 1e-6).unwrap();
         let linear = |d: Direction| 0.3 + 0.2 * d.x() - d.y() + 0.5 * d.z();
         let values: Vec<f64> = lights.iter().map(|&light| linear(light)).collect();
         for direction in dome(200) {
-            assert!((applied(&fit.row(direction), &values) - linear(direction)).abs() < 1e-9);
+            assert!((dot(&fit.row(direction), &values) - linear(direction)).abs() < 1e-9);
         }
         let values: Vec<f64> = (0..30).map(|i| f64::from(i * 7 % 11)).collect();
         for (light, value) in lights.iter().zip(&values) {
-            assert!((applied(&fit.row(*light), &values) - value).abs() < 1e-3);
+            assert!((dot(&fit.row(*light), &values) - value).abs() < 1e-3);
         }
     }
 
@@ -188,7 +213,7 @@ mod tests {
     fn leaving_out_in_closed_form_is_leaving_out() {
         let lights = dome(20);
         let values: Vec<f64> = (0..20).map(|i| f64::from(i * 7 % 11) * 0.1).collect();
-        let fit = Interpolation::new(&lights, 0.03).unwrap();
+        let fit = smoothed(&lights, 0.03).unwrap();
         for light in [0, 7, 19] {
             let others: Vec<usize> = (0..20).filter(|&i| i != light).collect();
             let n = others.len();
@@ -205,7 +230,7 @@ mod tests {
             let kernels = (0..n).map(|i| kernel(lights[light], at(i)) * solved[i]).sum::<f64>();
             let linear: f64 = (0..4).map(|j| one_x_y_z(lights[light])[j] * solved[n + j]).sum();
             let expected = values[light] - kernels - linear;
-            assert!((applied(&fit.left_out(light), &values) - expected).abs() < 1e-8, "{light}");
+            assert!((dot(&fit.left_out(light), &values) - expected).abs() < 1e-8, "{light}");
         }
     }
 
@@ -216,10 +241,10 @@ mod tests {
         let mut twice = dome(9);
         twice.extend(dome(9));
         for lights in [dome(1), dome(2), dome(3), ring, twice, vec![Direction::OUT; 5]] {
-            let fit = Interpolation::new(&lights, 1e-6).unwrap();
+            let fit = smoothed(&lights, 1e-6).unwrap();
             let ones = vec![1.0; lights.len()];
             for direction in fibonacci_in(Cap { axis: Direction::OUT, radius: 3.1 }, 50) {
-                let value = applied(&fit.row(direction), &ones);
+                let value = dot(&fit.row(direction), &ones);
                 assert!((value - 1.0).abs() < 1e-6, "{} lights: {value}", lights.len());
             }
         }

@@ -12,6 +12,7 @@
 use crate::continuation::Continuation;
 use crate::interpolation::Interpolation;
 use crate::principal::principal;
+use crate::row_products::{combination, dot, product, product_with_transposed, quadratic_form};
 use crate::{ChannelSample, FitError, LeastSquares, LeaveOneOut};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -137,7 +138,7 @@ impl LearnedFit {
         let most = worth.min(continuation.freedoms() * channels).clamp(1, design.planes.max(1));
 
         let of_planes = |planes: usize| {
-            let components = Components::new(&found.vectors[..planes * width], &root, channels);
+            let components = Components::new(&found.vectors[..planes * width], &root, sample);
             let at_lights = functions_at_lights(sample, &components);
             let judged = judge(continuation, sample, &covariance, &components, &at_lights);
             (components, at_lights, judged)
@@ -168,6 +169,28 @@ impl LearnedFit {
             figures,
         })
     }
+
+    /// The projection in f32, as the kernel takes it.
+    pub fn projection_f32(&self) -> Vec<f32> {
+        self.projection.iter().map(|&value| value as f32).collect()
+    }
+}
+
+/// Bytes that finding up to `planes` learned planes of `lights` pictures of `pixels` pixels takes, the sample that they
+/// are found in included.
+pub fn learned_bytes(lights: usize, channels: usize, pixels: usize, planes: usize) -> u64 {
+    let (n, width) = (lights as u64, (lights * channels) as u64);
+    let moments = 8 * (width * width + n * n);
+    let sampling = moments + ChannelSample::values_bytes(lights, channels, pixels);
+    let splines = moments + Interpolation::bytes(n);
+    // The covariance, weighted from the left, turned and weighted from the right; the energy on its way to its root.
+    let components = moments + 8 * (4 * width * width + 3 * n * n + DIRECTIONS as u64 * n);
+    // The covariance with and without its weights; by plane, what leads to it and back, and its functions in tables
+    // of which two are in memory at once, and in the judges' directions.
+    let nodes = NODES.into_iter().max().unwrap_or(0) as u64;
+    let of_plane = 5 * width + channels as u64 * (2 * nodes * nodes + DIRECTIONS as u64);
+    let functions = moments + 8 * (2 * width * width + n * n + (planes as u64 + 1) * of_plane);
+    sampling.max(splines).max(components).max(functions)
 }
 
 /// The fewest planes up to `most` whose figure reaches `target`.
@@ -287,13 +310,15 @@ struct Components {
     projection: Vec<f64>,
     /// planes x (N x channels): values are means + sum of plane x row.
     weights: Vec<f64>,
+    /// The mean of each plane over the sample.
+    plane_means: Vec<f64>,
 }
 
 impl Components {
     /// From orthonormal rows u of the weighted problem: projection u (L^T x I), weights u (L^-1 x I), scaled
     /// so that weights have a mean square of 1, their largest positive.
-    fn new(vectors: &[f64], root: &DMatrix<f64>, channels: usize) -> Self {
-        let (n, width) = (root.nrows(), root.nrows() * channels);
+    fn new(vectors: &[f64], root: &DMatrix<f64>, sample: &ChannelSample) -> Self {
+        let (n, channels, width) = (root.nrows(), sample.channels, sample.means.len());
         let (mut projection, mut weights) = (Vec::new(), Vec::new());
         for u in vectors.chunks_exact(width) {
             let mut p = vec![0.0; width];
@@ -318,7 +343,8 @@ impl Components {
             projection.extend(p.into_iter().map(|value| value * scale));
             weights.extend(w.into_iter().map(|value| value / scale));
         }
-        Self { planes: vectors.len() / width.max(1), projection, weights }
+        let plane_means = product_with_transposed(&projection, &sample.means, width);
+        Self { planes: vectors.len() / width, projection, weights, plane_means }
     }
 }
 
@@ -326,20 +352,16 @@ impl Components {
 /// bring.
 fn functions_at_lights(sample: &ChannelSample, components: &Components) -> Vec<f64> {
     let (channels, width) = (sample.channels, sample.means.len());
-    let rows = |matrix: &[f64]| matrix.chunks_exact(width).map(<[f64]>::to_vec).collect::<Vec<_>>();
-    let (projection, weights) = (rows(&components.projection), rows(&components.weights));
-    let plane_means: Vec<f64> =
-        projection.iter().map(|row| row.iter().zip(&sample.means).map(|(p, m)| p * m).sum()).collect();
-    (0..width / channels)
-        .flat_map(|light| {
-            let of_light = light * channels..(light + 1) * channels;
-            let mean = of_light.clone().map(|at| {
-                sample.means[at] - weights.iter().zip(&plane_means).map(|(w, m)| w[at] * m).sum::<f64>()
-            });
-            let of_planes = weights.iter().flat_map(|row| row[of_light.clone()].to_vec());
-            mean.chain(of_planes).collect::<Vec<_>>()
-        })
-        .collect()
+    let mut at_lights = Vec::with_capacity((components.planes + 1) * width);
+    for first in (0..width).step_by(channels) {
+        let weights = || components.weights.chunks_exact(width).map(|row| &row[first..first + channels]);
+        at_lights.extend((0..channels).map(|c| {
+            let of_planes = weights().zip(&components.plane_means);
+            sample.means[first + c] - of_planes.map(|(weight, mean)| weight[c] * mean).sum::<f64>()
+        }));
+        at_lights.extend(weights().flatten());
+    }
+    at_lights
 }
 
 struct Judged {
@@ -361,49 +383,23 @@ fn judge(
     let lights = width / channels;
     let functions = (planes + 1) * channels;
     // P C and P C P^T.
-    let mixed: Vec<f64> = components
-        .projection
-        .par_chunks_exact(width)
-        .flat_map_iter(|row| {
-            let mut out = vec![0.0; width];
-            for (p, of_row) in row.iter().zip(covariance.chunks_exact(width)) {
-                out.iter_mut().zip(of_row).for_each(|(sum, c)| *sum += p * c);
-            }
-            out
-        })
-        .collect();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    let plane_covariance: Vec<f64> = mixed
-        .chunks_exact(width)
-        .flat_map(|a| components.projection.chunks_exact(width).map(move |b| dot(a, b)))
-        .collect();
-    let quadratic = |v: &[f64]| -> f64 {
-        plane_covariance.chunks_exact(planes.max(1)).zip(v).map(|(row, a)| a * dot(row, v)).sum()
-    };
+    let mixed = product(&components.projection, covariance, width);
+    let plane_covariance = product_with_transposed(&mixed, &components.projection, width);
     let mean_error = |delta: &[f64], channel: usize| -> f64 {
         // Centred planes, whose means count towards the mean's function again.
         let of_planes: Vec<f64> = (1..=planes).map(|plane| delta[plane * channels + channel]).collect();
-        let means = components.projection.chunks_exact(width).map(|row| dot(row, &sample.means));
-        let mean = delta[channel] + means.zip(&of_planes).map(|(m, d)| m * d).sum::<f64>();
-        mean * mean + quadratic(&of_planes)
+        let mean = delta[channel] + dot(&components.plane_means, &of_planes);
+        mean * mean + quadratic_form(&plane_covariance, &of_planes)
     };
     let unexplained = |at: usize| -> f64 {
         let w: Vec<f64> = components.weights.chunks_exact(width).map(|row| row[at]).collect();
         let crossed: f64 = mixed.chunks_exact(width).zip(&w).map(|(row, w)| w * row[at]).sum();
-        (covariance[at * width + at] - 2.0 * crossed + quadratic(&w)).max(0.0)
-    };
-    let applied = |factors: &[f64]| -> Vec<f64> {
-        let mut out = vec![0.0; functions];
-        for (factor, row) in factors.iter().zip(at_lights.chunks_exact(functions)) {
-            out.iter_mut().zip(row).for_each(|(sum, value)| *sum += factor * value);
-        }
-        out
+        (covariance[at * width + at] - 2.0 * crossed + quadratic_form(&plane_covariance, &w)).max(0.0)
     };
     let of_light = |light: usize| {
         let rest: f64 = (0..channels).map(|c| unexplained(light * channels + c)).sum();
-        let residual = continuation.left_out(light);
         let freedom = continuation.freedom(light);
-        let left_out = applied(&residual);
+        let left_out = combination(&continuation.left_out(light), at_lights, functions);
         let error = |delta: &[f64]| (0..channels).map(|c| mean_error(delta, c)).sum::<f64>();
         let of_left_out = error(&left_out);
         let root = |square: f64| (square / channels as f64).sqrt();
@@ -426,15 +422,9 @@ fn table_of(
     channels: usize,
     allowed: f64,
 ) -> (Octahedral, Vec<f32>) {
-    let functions = at_lights.len() / continuation.lights();
+    let functions = at_lights.len() / continuation.lights().len();
     let planes = functions / channels - 1;
-    let at = |direction: Direction| -> Vec<f64> {
-        let mut out = vec![0.0; functions];
-        for (factor, row) in continuation.row(direction).iter().zip(at_lights.chunks_exact(functions)) {
-            out.iter_mut().zip(row).for_each(|(sum, value)| *sum += factor * value);
-        }
-        out
-    };
+    let at = |direction: Direction| combination(&continuation.row(direction), at_lights, functions);
     let judges: Vec<(Direction, Vec<f64>)> = fibonacci_in(continuation.covered(), DIRECTIONS)
         .into_par_iter()
         .map(|direction| (direction, at(direction)))

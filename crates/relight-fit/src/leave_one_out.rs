@@ -1,9 +1,10 @@
 //! How well each picture is predicted from all others, in closed form.
 
+use crate::row_products::{product, product_with_transposed, quadratic_form};
 use crate::{Decomposition, Sample};
 
 /// A leverage this close to 1 means that a light is fitted by itself alone: nothing predicts it.
-const FULL_LEVERAGE: f64 = 1.0 - 1e-9;
+pub(crate) const FULL_LEVERAGE: f64 = 1.0 - 1e-9;
 
 /// Errors of a fit on a [`Sample`], one a light.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,8 +39,7 @@ impl LeaveOneOut {
         for (i, row) in decomposition.design.chunks_exact(functions).enumerate() {
             let column =
                 |matrix: &[f64]| row.iter().enumerate().map(|(j, a)| a * matrix[j * lights + i]).sum::<f64>();
-            let quadratic: f64 = spread.chunks_exact(functions).zip(row).map(|(s, a)| a * dot(s, row)).sum();
-            let square = sample.gram[i * lights + i] - 2.0 * column(&image) + quadratic;
+            let square = sample.gram[i * lights + i] - 2.0 * column(&image) + quadratic_form(&spread, row);
             // Rounding may leave -1e-18 where the true value is 0.
             let (rms, h) = (square.max(0.0).sqrt(), column(solution));
             fit.push(rms);
@@ -73,27 +73,4 @@ impl LeaveOneOut {
         let freedom = 1.0 - self.leverage.iter().sum::<f64>() / self.leverage.len().max(1) as f64;
         if freedom > 1.0 - FULL_LEVERAGE { Self::mean(&self.fit, weights) / freedom } else { f64::INFINITY }
     }
-}
-
-/// Sum of products, in order.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
-/// `a b` for rows of `a` of length n and an n x n matrix `b`.
-fn product(a: &[f64], b: &[f64], n: usize) -> Vec<f64> {
-    let mut result = vec![0.0; a.len()];
-    for (row, out) in a.chunks_exact(n).zip(result.chunks_exact_mut(n)) {
-        for (x, b) in row.iter().zip(b.chunks_exact(n)) {
-            for (out, y) in out.iter_mut().zip(b) {
-                *out += x * y;
-            }
-        }
-    }
-    result
-}
-
-/// `a b^T` for rows of length n.
-fn product_with_transposed(a: &[f64], b: &[f64], n: usize) -> Vec<f64> {
-    a.chunks_exact(n).flat_map(|x| b.chunks_exact(n).map(|y| dot(x, y)).collect::<Vec<_>>()).collect()
 }

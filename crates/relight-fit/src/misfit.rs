@@ -1,6 +1,7 @@
 //! Pictures that don't fit their light: a swapped name, a lamp that failed, a moved object.
 
-use crate::{FitError, LeastSquares, LeaveOneOut, LightWeights, Ridge, Sample, largest_usable};
+use crate::row_products::product;
+use crate::{FitError, LeastSquares, LeaveOneOut, LightWeights, Ridge, Sample, largest_usable, median};
 use relight_core::basis::SrbfDesign;
 use relight_core::{Direction, Family, LightSet};
 
@@ -61,13 +62,8 @@ const MUCH_BETTER: f64 = 0.6;
 /// # Panics
 /// When `sample` is of another number of lights.
 pub fn misfits(lights: &LightSet, sample: &Sample) -> Result<Vec<Misfit>, FitError> {
+    let Some(fit) = coarse_fit(lights, sample)? else { return Ok(Vec::new()) };
     let directions = lights.directions();
-    let name = if directions.iter().any(|d| d.z() < 0.0) { "sh" } else { "hsh" };
-    let usable = Family::by_name(name).and_then(|family| {
-        largest_usable(family, lights, SrbfDesign::default(), MOST_FUNCTIONS).ok().flatten()
-    });
-    let Some(usable) = usable else { return Ok(Vec::new()) };
-    let fit = LeastSquares::new(usable.basis, &directions, LightWeights::Voronoi, Ridge::Auto, sample)?;
     let hat = fit.decomposition.hat(&fit.solution);
     let expected = expectations(&directions, &fit.leave_one_out);
 
@@ -97,11 +93,26 @@ pub fn misfits(lights: &LightSet, sample: &Sample) -> Result<Vec<Misfit>, FitErr
     Ok(found)
 }
 
+/// The fit by which pictures are judged; `None` for lights that carry no basis.
+///
+/// # Errors
+/// [`FitError::NoLights`].
+pub(crate) fn coarse_fit(lights: &LightSet, sample: &Sample) -> Result<Option<LeastSquares>, FitError> {
+    let directions = lights.directions();
+    let name = if directions.iter().any(|d| d.z() < 0.0) { "sh" } else { "hsh" };
+    let usable = Family::by_name(name).and_then(|family| {
+        largest_usable(family, lights, SrbfDesign::default(), MOST_FUNCTIONS).ok().flatten()
+    });
+    let Some(usable) = usable else { return Ok(None) };
+    LeastSquares::new(usable.basis, &directions, LightWeights::Voronoi, Ridge::Auto, sample).map(Some)
+}
+
 /// For each light the left-out error that its neighbours and all lights let expect.
 fn expectations(directions: &[Direction], errors: &LeaveOneOut) -> Vec<f64> {
-    let overall = median(errors.left_out.clone());
+    let middle = |mut errors: Vec<f64>| median(&mut errors, f64::total_cmp).unwrap_or(0.0);
+    let overall = middle(errors.left_out.clone());
     let near = |i| nearest(directions, i).into_iter().map(|j| errors.left_out[j]).collect();
-    (0..directions.len()).map(|i| median(near(i)).max(overall)).collect()
+    (0..directions.len()).map(|i| middle(near(i)).max(overall)).collect()
 }
 
 /// Pairs of pictures whose exchange lowers the error of the whole fit, worst pair first; `sample` has
@@ -160,16 +171,10 @@ fn swapped_pairs(
 
 /// `(I - H)^T (I - H)`, n x n.
 fn residual_metric(hat: &[f64], n: usize) -> Vec<f64> {
-    let residual: Vec<f64> = hat.iter().enumerate().map(|(at, h)| f64::from(at / n == at % n) - h).collect();
-    let mut metric = vec![0.0; n * n];
-    for row in residual.chunks_exact(n) {
-        for (a, out) in row.iter().zip(metric.chunks_exact_mut(n)) {
-            for (out, b) in out.iter_mut().zip(row) {
-                *out += a * b;
-            }
-        }
-    }
-    metric
+    let residual = |i: usize, j: usize| f64::from(i == j) - hat[i * n + j];
+    let rows: Vec<f64> = (0..n * n).map(|at| residual(at / n, at % n)).collect();
+    let transposed: Vec<f64> = (0..n * n).map(|at| residual(at % n, at / n)).collect();
+    product(&transposed, &rows, n)
 }
 
 /// Exchanges pictures i and j in a matrix of inner products.
@@ -206,10 +211,4 @@ fn nearest(directions: &[Direction], i: usize) -> Vec<usize> {
     others.sort_by(|&a, &b| cosines[b].total_cmp(&cosines[a]));
     others.truncate(NEIGHBOURS);
     others
-}
-
-/// The middle value; 0 for none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

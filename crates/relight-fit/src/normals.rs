@@ -1,8 +1,8 @@
 //! Normals and albedo of every pixel of a stack.
 
-use crate::FitError;
 use crate::photometric_stereo::{NormalMethod, PhotometricStereo, SurfaceNormal};
 use crate::rebin::{SPAN, tile_pixels};
+use crate::{FitError, median};
 use rayon::prelude::*;
 use relight_core::vectors::{dot, unit, wide};
 use relight_core::{Direction, Stack};
@@ -115,10 +115,5 @@ pub fn normal_error(normals: &[[f32; 3]], truth: &[[f32; 3]]) -> Option<NormalEr
         .collect();
     let pixels = angles.len();
     let mean = angles.iter().sum::<f64>() / pixels.max(1) as f64;
-    let middle = pixels / 2;
-    (pixels > 0).then(|| NormalError {
-        mean,
-        median: *angles.select_nth_unstable_by(middle, f64::total_cmp).1,
-        pixels,
-    })
+    median(&mut angles, f64::total_cmp).map(|median| NormalError { mean, median, pixels })
 }

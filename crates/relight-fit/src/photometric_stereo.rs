@@ -3,8 +3,8 @@
 //! A matte surface of albedo a and normal n has the value a n.l under the light l: three unknowns, as many equations as
 //! lights. Shadows and highlights break that for some lights of nearly every pixel; the robust method leaves them out.
 
-use crate::FitError;
 use crate::singular_values::SingularValues;
+use crate::{FitError, median};
 use nalgebra::DMatrix;
 use relight_core::Direction;
 use relight_core::vectors::{dot, length, unit};
@@ -234,9 +234,8 @@ impl PhotometricStereo {
             if self.deviations.len() < 3 {
                 break;
             }
-            let middle = self.deviations.len() / 2;
-            let (_, median, _) = self.deviations.select_nth_unstable_by(middle, |a, b| a.0.total_cmp(&b.0));
-            let spread = TUKEY * (DEVIATIONS * median.0 + LEAST_DEVIATION * length(vector));
+            let Some((usual, _)) = median(&mut self.deviations, |a, b| a.0.total_cmp(&b.0)) else { break };
+            let spread = TUKEY * (DEVIATIONS * usual + LEAST_DEVIATION * length(vector));
             let before = std::mem::take(&mut self.weights);
             self.weights.resize(before.len(), 0.0);
             for &(deviation, place) in &self.deviations {

@@ -1,8 +1,8 @@
 //! The largest eigenvalues of a symmetric matrix and their vectors.
 
+use crate::row_products::{dot, product, product_with_transposed};
 use crate::singular_values::SingularValues;
 use nalgebra::DMatrix;
-use rayon::prelude::*;
 
 /// Vectors beyond those wanted: the iteration converges by the ratio of the first eigenvalue left out to the
 /// last wanted.
@@ -34,49 +34,28 @@ pub(crate) fn principal(matrix: &[f64], width: usize, count: usize) -> Principal
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     };
-    let mut rows: Vec<Vec<f64>> = (0..size).map(|_| (0..width).map(|_| next()).collect()).collect();
-    orthonormalize(&mut rows);
+    let mut rows: Vec<f64> = (0..size * width).map(|_| next()).collect();
+    orthonormalize(&mut rows, width);
     for _ in 0..ROUNDS {
-        rows = images(matrix, width, &rows);
-        orthonormalize(&mut rows);
+        rows = product(&rows, matrix, width);
+        orthonormalize(&mut rows, width);
     }
-    let image = images(matrix, width, &rows);
-    let small = DMatrix::from_fn(rows.len(), rows.len(), |i, j| dot(&rows[i], &image[j]));
+    let image = product(&rows, matrix, width);
+    let small = DMatrix::from_row_slice(size, size, &product_with_transposed(&rows, &image, width));
     let SingularValues { left, values, .. } = SingularValues::of(small);
-    let kept = kept.min(rows.len());
-    let vectors = (0..kept)
-        .flat_map(|r| {
-            let mut vector = vec![0.0; width];
-            for (i, row) in rows.iter().enumerate() {
-                vector.iter_mut().zip(row).for_each(|(sum, value)| *sum += left[(i, r)] * value);
-            }
-            vector
-        })
-        .collect();
+    // Column by column, as nalgebra stores them: the combinations' factors.
+    let vectors = product(&left.as_slice()[..kept * size], &rows, width);
     Principal { values: values[..kept].to_vec(), vectors }
 }
 
-/// The matrix times each row.
-fn images(matrix: &[f64], width: usize, rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    rows.par_iter()
-        .map(|row| {
-            let mut image = vec![0.0; width];
-            for (factor, of_matrix) in row.iter().zip(matrix.chunks_exact(width)) {
-                image.iter_mut().zip(of_matrix).for_each(|(sum, value)| *sum += factor * value);
-            }
-            image
-        })
-        .collect()
-}
-
 /// Gram and Schmidt, twice over; rows that depend on those before them become 0.
-fn orthonormalize(rows: &mut [Vec<f64>]) {
-    for i in 0..rows.len() {
-        let (before, rest) = rows.split_at_mut(i);
-        let row = &mut rest[0];
+fn orthonormalize(rows: &mut [f64], width: usize) {
+    for i in 0..rows.len() / width {
+        let (before, rest) = rows.split_at_mut(i * width);
+        let row = &mut rest[..width];
         let length = dot(row, row).sqrt();
         for _ in 0..2 {
-            for other in before.iter() {
+            for other in before.chunks_exact(width) {
                 let along = dot(row, other);
                 row.iter_mut().zip(other).for_each(|(value, o)| *value -= along * o);
             }
@@ -87,10 +66,6 @@ fn orthonormalize(rows: &mut [Vec<f64>]) {
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -98,13 +73,11 @@ mod tests {
     /// V diag(values) V^T with V of reflections.
     fn matrix_of(values: &[f64]) -> Vec<f64> {
         let n = values.len();
-        let mut v: Vec<Vec<f64>> =
-            (0..n).map(|i| (0..n).map(|j| ((i * 7 + j * 3) % 11) as f64 - 4.7).collect()).collect();
-        for (i, row) in v.iter_mut().enumerate() {
-            row[i] += 9.0;
-        }
-        orthonormalize(&mut v);
-        (0..n * n).map(|at| (0..n).map(|l| values[l] * v[l][at / n] * v[l][at % n]).sum()).collect()
+        let entry = |i: usize, j: usize| ((i * 7 + j * 3) % 11) as f64 - if i == j { -4.3 } else { 4.7 };
+        let mut v: Vec<f64> = (0..n * n).map(|at| entry(at / n, at % n)).collect();
+        orthonormalize(&mut v, n);
+        let sum = |i: usize, j: usize| (0..n).map(|l| values[l] * v[l * n + i] * v[l * n + j]).sum();
+        (0..n * n).map(|at| sum(at / n, at % n)).collect()
     }
 
     #[test]
@@ -120,8 +93,8 @@ mod tests {
         }
         let vectors: Vec<&[f64]> = found.vectors.chunks_exact(40).collect();
         for (i, a) in vectors.iter().enumerate() {
-            let image = images(&matrix, 40, &[a.to_vec()]);
-            assert!((dot(a, &image[0]) - found.values[i]).abs() < 1e-9);
+            let image = product(a, &matrix, 40);
+            assert!((dot(a, &image) - found.values[i]).abs() < 1e-9);
             for (j, b) in vectors.iter().enumerate() {
                 assert!((dot(a, b) - f64::from(u8::from(i == j))).abs() < 1e-9);
             }

@@ -81,12 +81,11 @@ impl PixelFit<'_> {
 
     /// The matrix as the kernel takes it; a refit has one for each channel of its own.
     fn matrix(self) -> Vec<f32> {
-        let matrix = match self {
-            Self::Functions(fit, _) => &fit.solution,
-            Self::Planes(fit) => &fit.projection,
-            Self::Refit(_) => return Vec::new(),
-        };
-        matrix.iter().map(|&value| value as f32).collect()
+        match self {
+            Self::Functions(fit, _) => fit.solution_f32(),
+            Self::Planes(fit) => fit.projection_f32(),
+            Self::Refit(_) => Vec::new(),
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! A bounded sample of pixels, by which a fit is judged in closed form.
 
+use crate::row_products::quadratic_form;
 use rayon::prelude::*;
 use relight_core::{Stack, StackError};
 
@@ -60,6 +61,11 @@ impl ChannelSample {
     /// [`StackError`] when a picture can't be read back.
     pub fn of(stack: &dyn Stack) -> Result<Self, StackError> {
         Ok(Self::from_values(&interleaved(stack)?, stack.channels()))
+    }
+
+    /// Bytes of the values of which [`Self::of`] takes moments, as read and channel by channel.
+    pub(crate) fn values_bytes(lights: usize, channels: usize, pixels: usize) -> u64 {
+        2 * 4 * (lights * channels * pixels.min(RUN * runs_for(lights))) as u64
     }
 
     /// The moments of pictures given as equally long rows of values, `channels` interleaved in each.
@@ -138,13 +144,8 @@ impl Sample {
 
     /// Root mean square over the sample of `sum over i of combination[i] * picture i`.
     pub fn rms(&self, combination: &[f64]) -> f64 {
-        let mut square = 0.0;
-        for (row, a) in self.gram.chunks_exact(self.lights.max(1)).zip(combination) {
-            let inner: f64 = row.iter().zip(combination).map(|(g, b)| g * b).sum();
-            square += a * inner;
-        }
         // Rounding may leave -1e-18 where the true value is 0.
-        square.max(0.0).sqrt()
+        quadratic_form(&self.gram, combination).max(0.0).sqrt()
     }
 }
 

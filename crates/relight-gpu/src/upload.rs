@@ -7,8 +7,9 @@ use relight_core::basis::Learned;
 use relight_texture::{PackedMaps, TexelFormat, function_texels, level_size};
 use std::ops::Range;
 use wgpu::{
-    Extent3d, Origin3d, TexelCopyBufferLayout, TexelCopyTextureInfo, TextureAspect, TextureDescriptor,
-    TextureDimension, TextureFormat, TextureUsages, TextureView, TextureViewDescriptor, TextureViewDimension,
+    Extent3d, Origin3d, TexelCopyBufferLayout, TexelCopyTextureInfo, Texture, TextureAspect,
+    TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView, TextureViewDescriptor,
+    TextureViewDimension,
 };
 
 /// The arrays of `maps` as array textures with all their levels, in order.
@@ -34,18 +35,9 @@ pub(crate) fn upload_array(
     }
     // wgpu's OpenGL makes a plain texture of an array of one layer, which array samplers don't read.
     let single = layers.len() == 1 && gpu.adapter.get_info().backend == wgpu::Backend::Gl;
-    let texture = gpu.device.create_texture(&TextureDescriptor {
-        label: Some("maps"),
-        // Whole blocks, as wgpu wants level 0 to be; the true texels lie in the upper left.
-        size: extent(whole_units(plan.format, maps.width, maps.height), layers.len() + usize::from(single)),
-        mip_level_count: maps.packing.levels as u32,
-        sample_count: 1,
-        dimension: TextureDimension::D2,
-        format: texture_format(plan.format),
-        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
-        view_formats: &[],
-    });
-    gpu.check()?;
+    // Whole blocks, as wgpu wants level 0 to be; the true texels lie in the upper left.
+    let size = extent(whole_units(plan.format, maps.width, maps.height), layers.len() + usize::from(single));
+    let texture = array_texture(gpu, "maps", size, maps.packing.levels, texture_format(plan.format))?;
     for level in 0..maps.packing.levels {
         let (width, height) = (level_size(maps.width, level), level_size(maps.height, level));
         for (to_layer, layer) in layers.clone().enumerate() {
@@ -67,10 +59,37 @@ pub(crate) fn upload_array(
         gpu.queue.submit([]);
     }
     gpu.check()?;
-    Ok(texture.create_view(&TextureViewDescriptor {
+    Ok(array_view(&texture))
+}
+
+/// A texture of `size.depth_or_array_layers` layers to be filled.
+fn array_texture(
+    gpu: &Gpu,
+    label: &str,
+    size: Extent3d,
+    levels: usize,
+    format: TextureFormat,
+) -> Result<Texture, GpuError> {
+    let texture = gpu.device.create_texture(&TextureDescriptor {
+        label: Some(label),
+        size,
+        mip_level_count: levels as u32,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    gpu.check()?;
+    Ok(texture)
+}
+
+/// All layers and levels, as array samplers read them.
+fn array_view(texture: &Texture) -> TextureView {
+    texture.create_view(&TextureViewDescriptor {
         dimension: Some(TextureViewDimension::D2Array),
         ..TextureViewDescriptor::default()
-    }))
+    })
 }
 
 fn whole_units(format: TexelFormat, width: usize, height: usize) -> (usize, usize) {
@@ -91,17 +110,7 @@ pub(crate) fn upload_table(gpu: &Gpu, learned: &Learned) -> Result<TextureView, 
     let layers = texels.len() / (nodes * nodes);
     // wgpu's OpenGL makes a plain texture of an array of one layer.
     let size = extent((nodes, nodes), layers.max(2));
-    let texture = gpu.device.create_texture(&TextureDescriptor {
-        label: Some("functions"),
-        size,
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: TextureDimension::D2,
-        format: TextureFormat::Rgba16Float,
-        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
-        view_formats: &[],
-    });
-    gpu.check()?;
+    let texture = array_texture(gpu, "functions", size, 1, TextureFormat::Rgba16Float)?;
     let layout = TexelCopyBufferLayout {
         offset: 0,
         bytes_per_row: Some((nodes * 8) as u32),
@@ -110,8 +119,5 @@ pub(crate) fn upload_table(gpu: &Gpu, learned: &Learned) -> Result<TextureView, 
     let written = extent((nodes, nodes), layers);
     gpu.queue.write_texture(texture.as_image_copy(), bytemuck::cast_slice(&texels), layout, written);
     gpu.check()?;
-    Ok(texture.create_view(&TextureViewDescriptor {
-        dimension: Some(TextureViewDimension::D2Array),
-        ..TextureViewDescriptor::default()
-    }))
+    Ok(array_view(&texture))
 }

@@ -5,7 +5,7 @@
 //! 16 rows is compressed by the thread that completes it; the file is written when all are there.
 
 use super::document;
-use super::planar::precision;
+use super::planar::{coefficients, precision};
 use super::positions::{POINT, POSITION_CHANNELS};
 use super::{
     AssetHeader, AssetPositions, AssetWriter, Created, WriteSettings, assert_shape, plane_bytes, plane_names,
@@ -18,7 +18,7 @@ use exr::meta::BlockDescription;
 use exr::meta::header::Header;
 use exr::prelude::{AttributeValue, ChannelDescription, Compression, LineOrder, SampleType, Text, Vec2};
 use half::f16;
-use relight_core::{CoefficientSpan, Layout};
+use relight_core::CoefficientSpan;
 use relight_texture::{PackReport, PlaneErrors, Precision, StoringErrors, TexelFormat};
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -146,18 +146,13 @@ impl ExrWriter {
         errors: &mut [PlaneErrors],
     ) -> Result<(), FormatError> {
         let AssetHeader { width, model, .. } = &self.header;
-        let (sample_bytes, maps) = (self.precision.bytes(), model.maps());
+        let sample_bytes = self.precision.bytes();
         let mut from = start;
         while from < end {
             let (x, y) = ((span.first + from) % width, (span.first + from) / width);
             let count = (width - x).min(end - from);
             for (channel, &plane) in self.planes.iter().enumerate() {
-                let (samples, stride) = match model.layout {
-                    Layout::Rgb => (&span.maps[plane / 3 * 3 * span.pixels + plane % 3..], 3),
-                    Layout::Lrgb if plane >= maps => (&span.base_color[plane - maps..], 3),
-                    Layout::Lrgb | Layout::Grey | Layout::Shared => (&span.maps[plane * span.pixels..], 1),
-                };
-                let samples = samples[from * stride..].iter().step_by(stride).take(count);
+                let samples = coefficients(span, model, plane, from..from + count);
                 let place = (((y - top) * self.planes.len() + channel) * width + x) * sample_bytes;
                 let out = bytes[place..][..count * sample_bytes].chunks_exact_mut(sample_bytes);
                 if self.precision == Precision::F32 {

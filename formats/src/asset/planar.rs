@@ -2,8 +2,11 @@
 
 use super::{AssetHeader, Details, plane_quantizers};
 use crate::FormatError;
-use relight_core::{CoefficientRange, RelightingMaps, Texels};
-use relight_texture::{ArrayPlan, LayerPlan, PackedMaps, Packing, Precision, Quantizer, TexelFormat, Wrap};
+use relight_core::{CoefficientRange, CoefficientSpan, Model, RelightingMaps, Space, Texels};
+use relight_texture::{
+    ArrayPlan, LayerPlan, PackedMaps, Packing, PlaneErrors, Precision, Quantizer, TexelFormat, Wrap,
+};
+use std::ops::Range;
 use std::path::Path;
 
 /// An array of a layer a plane, as textures that come from such a format have.
@@ -34,6 +37,62 @@ pub(super) fn range_of(ranges: &[CoefficientRange]) -> CoefficientRange {
 pub(super) fn shared(quantizers: &[Quantizer]) -> Option<Quantizer> {
     let (first, rest) = quantizers.split_first()?;
     rest.iter().all(|quantizer| quantizer == first).then_some(*first)
+}
+
+/// Why `format`, which holds fits in encoded space alone, can't hold a model of another.
+pub(super) fn space_refusal(format: &str, model: &Model) -> Option<String> {
+    (model.space != Space::Encoded).then(|| {
+        format!(
+            "{format} holds fits in encoded space, not linear; fit in encoded space, or write .ktx2 or .exr"
+        )
+    })
+}
+
+/// Refuses a file in which only `found` bytes follow its header, where pixels take `pixel_bytes` each.
+pub(super) fn check_pixels(
+    path: &Path,
+    (width, height): (usize, usize),
+    pixel_bytes: u64,
+    found: u64,
+) -> Result<(), FormatError> {
+    let pixels = (width as u64).checked_mul(height as u64);
+    if pixels.and_then(|pixels| pixels.checked_mul(pixel_bytes)).is_none_or(|expected| expected > found) {
+        let problem =
+            format!("is cut short: {width} x {height} pixels of {pixel_bytes} bytes in {found} bytes");
+        return Err(FormatError::invalid(path, problem));
+    }
+    Ok(())
+}
+
+/// Codes of base colours: 255 is 1.
+pub(super) const UNIT: Quantizer = Quantizer { scale: 1.0, bias: 0.0 };
+
+/// The coefficients of plane `role` of `Model::roles` at `pixels` of `span`.
+pub(super) fn coefficients<'a>(
+    span: &CoefficientSpan<'a>,
+    model: &Model,
+    role: usize,
+    pixels: Range<usize>,
+) -> impl Iterator<Item = &'a f32> + Clone {
+    let stride = model.layout.planes_per_map();
+    let (values, stride, channel) = match role.checked_sub(model.maps() * stride) {
+        Some(channel) => (span.base_color, 3, channel),
+        None => (&span.maps[role / stride * span.pixels * stride..], stride, role % stride),
+    };
+    values[pixels.start * stride..pixels.end * stride][channel..].iter().step_by(stride)
+}
+
+/// The codes of a plane's coefficients; `errors` has what rounding costs added, from pixel `first` of the picture on.
+pub(super) fn codes_of<'a>(
+    quantizer: &Quantizer,
+    coefficients: impl Iterator<Item = &'a f32> + Clone,
+    first: usize,
+    errors: &mut PlaneErrors,
+) -> Vec<u8> {
+    let codes: Vec<u8> = coefficients.clone().map(|&c| quantizer.code(c)).collect();
+    let given_back = codes.iter().map(|&code| quantizer.scale * (f32::from(code) / 255.0) + quantizer.bias);
+    errors.add(first, given_back.zip(coefficients).map(|(back, c)| back - c));
+    codes
 }
 
 /// Refuses base colours that bytes 0 to 255 for 0..1 can't hold; `ranges` are those of their planes.

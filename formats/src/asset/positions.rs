@@ -3,6 +3,7 @@
 use super::AssetFormat;
 use super::texture::{Texture, read_exact};
 use crate::FormatError;
+use crate::error::check_memory;
 use relight_core::{NO_SURFACE, PositionMap};
 use relight_texture::{PositionPlan, Precision};
 use std::path::Path;
@@ -75,9 +76,7 @@ pub(super) fn read(
 ) -> Result<PositionMap, FormatError> {
     let (width, height) = (texture.shape.width, texture.shape.height);
     let needed = (width as u64).saturating_mul(height as u64).saturating_mul(POINT);
-    if needed > memory_limit || usize::try_from(needed).is_err() {
-        return Err(FormatError::too_large(&texture.path, needed, memory_limit));
-    }
+    check_memory(needed, memory_limit, &texture.path)?;
     let mut points = vec![NO_SURFACE; width * height];
     let mut texels = Vec::new();
     texture.for_each_layer(0, memory_limit - needed, |_, bytes| {

@@ -3,14 +3,16 @@
 //! Source: FORMATS.md of this project. value = (byte - bias) x scale in 0..255 units, one scale and
 //! bias a function, rows bottom-up.
 
-use super::planar::{check_base_colors, plane_ranges, range_of, shared};
+use super::planar::{
+    UNIT, check_base_colors, codes_of, coefficients, plane_ranges, range_of, shared, space_refusal,
+};
 use super::{
     AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, check_complete, check_finite,
     plane_quantizers, ptm_jpeg,
 };
 use crate::{FormatError, OutputFile};
 use relight_core::CoefficientRange;
-use relight_core::{Basis, CoefficientSpan, Layout, Model, Space};
+use relight_core::{Basis, CoefficientSpan, Layout, Model};
 use relight_texture::{PackReport, PlaneErrors, Quantizer, StoringErrors};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -31,9 +33,7 @@ pub(super) fn refusal(model: &Model) -> Option<String> {
              or write .ktx2 or .exr"
         ));
     }
-    (model.space != Space::Encoded).then(|| {
-        "ptm holds fits in encoded space, not linear; fit in encoded space, or write .ktx2 or .exr".to_owned()
-    })
+    space_refusal("ptm", model)
 }
 
 /// How the coefficients of a map become those of a `.ptm`.
@@ -87,9 +87,6 @@ impl PtmCoding {
     }
 }
 
-/// Codes of base colours: 255 is 1.
-pub(super) const UNIT: Quantizer = Quantizer { scale: 1.0, bias: 0.0 };
-
 struct PtmWriter {
     header: AssetHeader,
     coding: PtmCoding,
@@ -142,11 +139,6 @@ pub(super) fn quantizer_of(scale: f32, bias: f64) -> Quantizer {
     Quantizer { scale, bias: (-bias * f64::from(scale) / 255.0) as f32 }
 }
 
-/// What a code gives back less the coefficient.
-pub(super) fn error(quantizer: &Quantizer, code: u8, coefficient: f32) -> f32 {
-    quantizer.scale * (f32::from(code) / 255.0) + quantizer.bias - coefficient
-}
-
 impl PtmWriter {
     /// Writes `count` pixels, those of `span` from its pixel `start` on, which lie in one row, and
     /// adds what rounding them costs to the `errors` of their planes.
@@ -162,30 +154,25 @@ impl PtmWriter {
         let (x, y) = ((span.first + start) % width, (span.first + start) / width);
         let pixel = ((height - 1 - y) * width + x) as u64;
         let block = (width * height * FUNCTIONS) as u64;
-        let channels = model.layout.planes_per_map();
+        let (channels, pixels) = (model.layout.planes_per_map(), start..start + count);
         bytes.resize(count * FUNCTIONS, 0);
         for channel in 0..channels {
             for (j, quantizer) in self.coding.quantizers.iter().enumerate() {
-                let row = &span.maps[j * span.pixels * channels..][start * channels..];
-                let row = row[channel..].iter().step_by(channels);
-                for (pixel, c) in bytes.chunks_exact_mut(FUNCTIONS).zip(row.clone()) {
-                    pixel[j] = quantizer.code(*c);
-                }
-                let codes = bytes[j..].iter().step_by(FUNCTIONS);
-                let of_row = codes.zip(row).map(|(&code, &c)| error(quantizer, code, c));
-                errors[j * channels + channel].add(span.first + start, of_row);
+                let role = j * channels + channel;
+                let row = coefficients(span, model, role, pixels.clone());
+                let codes = codes_of(quantizer, row, span.first + start, &mut errors[role]);
+                bytes[j..].iter_mut().step_by(FUNCTIONS).zip(codes).for_each(|(byte, code)| *byte = code);
             }
             let place = self.offset + channel as u64 * block + pixel * FUNCTIONS as u64;
             self.file.write_at(place, bytes)?;
         }
         if model.layout == Layout::Lrgb {
-            let base = &span.base_color[3 * start..][..3 * count];
-            bytes.clear();
-            bytes.extend(base.iter().map(|&c| UNIT.code(c)));
+            bytes.resize(count * 3, 0);
             for channel in 0..3 {
-                let codes = bytes[channel..].iter().step_by(3).zip(base[channel..].iter().step_by(3));
-                let of_channel = codes.map(|(&code, &c)| error(&UNIT, code, c));
-                errors[FUNCTIONS + channel].add(span.first + start, of_channel);
+                let role = FUNCTIONS + channel;
+                let row = coefficients(span, model, role, pixels.clone());
+                let codes = codes_of(&UNIT, row, span.first + start, &mut errors[role]);
+                bytes[channel..].iter_mut().step_by(3).zip(codes).for_each(|(byte, code)| *byte = code);
             }
             self.file.write_at(self.offset + block + pixel * 3, bytes)?;
         }

@@ -208,12 +208,7 @@ fn jpeg_tables(path: &Path, words: &mut HeaderWords<'_>, count: usize) -> Result
 }
 
 /// Refuses a file of which less than its header says follows the header: `found` bytes.
-fn check_length(
-    path: &Path,
-    (width, height): (usize, usize),
-    form: &PtmForm,
-    found: u64,
-) -> Result<(), FormatError> {
+fn check_length(path: &Path, size: (usize, usize), form: &PtmForm, found: u64) -> Result<(), FormatError> {
     let pixel_bytes = match form {
         PtmForm::Rgb => 3 * FUNCTIONS as u64,
         PtmForm::Lrgb { .. } => FUNCTIONS as u64 + 3,
@@ -227,14 +222,7 @@ fn check_length(
             return Ok(());
         }
     };
-    let expected =
-        (width as u64).checked_mul(height as u64).and_then(|pixels| pixels.checked_mul(pixel_bytes));
-    if expected.is_none_or(|expected| expected > found) {
-        let problem =
-            format!("is cut short: {width} x {height} pixels of {pixel_bytes} bytes in {found} bytes");
-        return Err(FormatError::invalid(path, problem));
-    }
-    Ok(())
+    planar::check_pixels(path, size, pixel_bytes, found)
 }
 
 /// Bytes of a pixel with luminance and chrominance.
@@ -254,7 +242,7 @@ pub(super) fn quantizer_of_role(
     let (function, channel) = (role / stride, role % stride);
     let Some(&(scale, bias)) = scale_bias.get(function) else {
         // Base colours.
-        return Quantizer { scale: 1.0, bias: 0.0 };
+        return planar::UNIT;
     };
     match form {
         PtmForm::Lum(matrix) if function == FUNCTIONS - 1 => {

@@ -4,11 +4,12 @@
 //! held; [`held_bytes`] says what that takes.
 
 use super::jpeg_planes::{CodedPlane, WORKING_PLANES, encode_plane};
-use super::ptm::{PtmCoding, error};
+use super::planar::{codes_of, coefficients};
+use super::ptm::PtmCoding;
 use super::ptm_header::file_role;
 use super::{AssetHeader, AssetWriter, Created, assert_shape, check_complete};
 use crate::{FormatError, OutputFile};
-use relight_core::{CoefficientSpan, Layout};
+use relight_core::CoefficientSpan;
 use relight_texture::{PackReport, PlaneErrors, StoringErrors};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -59,24 +60,6 @@ pub(super) fn create(
     Ok(Box::new(PtmJpegWriter { header, coding, quality, held, errors, file }))
 }
 
-/// The coefficients of plane `role` of `Model::roles` in `span`.
-pub(super) fn coefficients<'a>(
-    span: &CoefficientSpan<'a>,
-    maps: usize,
-    layout: Layout,
-    role: usize,
-) -> impl Iterator<Item = &'a f32> + Clone {
-    let stride = layout.planes_per_map();
-    let (values, stride, channel) = match role.checked_sub(maps * stride) {
-        Some(channel) => (span.base_color, 3, channel),
-        None => {
-            let map = role / stride * span.pixels * stride;
-            (&span.maps[map..map + span.pixels * stride], stride, role % stride)
-        }
-    };
-    values[channel..].iter().step_by(stride)
-}
-
 impl AssetWriter for PtmJpegWriter {
     fn write(&self, span: &CoefficientSpan<'_>) -> Result<(), FormatError> {
         assert_shape(&self.header, span);
@@ -86,11 +69,8 @@ impl AssetWriter for PtmJpegWriter {
         for plane in 0..count {
             let role = file_role(model.layout, plane);
             let quantizer = self.coding.quantizer(model.layout, role);
-            let values = coefficients(span, model.maps(), model.layout, role);
-            let of_plane: Vec<u8> = values.clone().map(|&c| quantizer.code(c)).collect();
-            let rounding = of_plane.iter().zip(values).map(|(&code, &c)| error(&quantizer, code, c));
-            errors[role].add(span.first, rounding);
-            codes.push(of_plane);
+            let values = coefficients(span, model, role, 0..span.pixels);
+            codes.push(codes_of(&quantizer, values, span.first, &mut errors[role]));
         }
         self.errors.add(span.first, errors);
         let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);

@@ -6,6 +6,7 @@ use super::ptm::FUNCTIONS;
 use super::ptm_header::{ColorMatrix, LUM_BYTES, PtmFile, PtmForm, open};
 use super::{AssetHeader, Details, plane_bytes, plane_quantizers, ptm_jpeg_reader};
 use crate::FormatError;
+use crate::error::check_memory;
 use half::f16;
 use relight_core::{RelightingMap, RelightingMaps, Texels};
 use std::io::{self, Read, Seek, SeekFrom};
@@ -16,9 +17,7 @@ pub(super) fn read(path: &Path, memory_limit: u64) -> Result<RelightingMaps, For
     let mut ptm = open(path)?;
     let AssetHeader { width, height, model, packing } = &ptm.header;
     let needed = packing.formats().map(|format| plane_bytes(*width, *height, model, format)).sum();
-    if needed > memory_limit || usize::try_from(needed).is_err() {
-        return Err(FormatError::too_large(path, needed, memory_limit));
-    }
+    check_memory(needed, memory_limit, path)?;
     let texels = match &ptm.form {
         PtmForm::Jpeg { .. } => ptm_jpeg_reader::read_planes(path, &mut ptm, memory_limit)?,
         _ => read_pixels(&mut ptm).map_err(|e| match e.kind() {

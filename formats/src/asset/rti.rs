@@ -4,13 +4,14 @@
 //! term, rows top-down, all terms of a channel side by side. The terms are our hemispherical harmonics in
 //! our order.
 
-use super::planar::{check_base_colors, plane_ranges, range_of, shared};
-use super::ptm::{UNIT, error};
+use super::planar::{
+    UNIT, check_base_colors, codes_of, coefficients, plane_ranges, range_of, shared, space_refusal,
+};
 use super::{
     AssetHeader, AssetWriter, Created, assert_shape, check_complete, check_finite, plane_quantizers,
 };
 use crate::{FormatError, OutputFile};
-use relight_core::{Basis, CoefficientSpan, Layout, Model, Space};
+use relight_core::{Basis, CoefficientSpan, Layout, Model};
 use relight_texture::{PackReport, PlaneErrors, Quantizer, StoringErrors};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -30,9 +31,7 @@ pub(super) fn refusal(model: &Model) -> Option<String> {
              or write .ktx2 or .exr"
         ));
     }
-    (model.space != Space::Encoded).then(|| {
-        "rti holds fits in encoded space, not linear; fit in encoded space, or write .ktx2 or .exr".to_owned()
-    })
+    space_refusal("rti", model)
 }
 
 struct RtiWriter {
@@ -84,25 +83,14 @@ impl AssetWriter for RtiWriter {
     fn write(&self, span: &CoefficientSpan<'_>) -> Result<(), FormatError> {
         assert_shape(&self.header, span);
         let model = &self.header.model;
-        let (layout, stride, count) = (model.layout, model.layout.planes_per_map(), model.plane_count());
-        let (mut errors, mut bytes) = (Vec::with_capacity(count), vec![0; span.pixels * count]);
-        for role in 0..count {
-            let (quantizer, values, channel, stride) = match self.quantizers.get(role / stride) {
-                Some(&quantizer) => {
-                    let map = &span.maps[role / stride * span.pixels * stride..][..span.pixels * stride];
-                    (quantizer, map, role % stride, stride)
-                }
-                None => (UNIT, span.base_color, role - model.maps(), 3),
-            };
-            let place = place_in_pixel(layout, model.maps(), role);
-            let values = values[channel..].iter().step_by(stride);
-            for (byte, c) in bytes[place..].iter_mut().step_by(count).zip(values.clone()) {
-                *byte = quantizer.code(*c);
-            }
-            let codes = bytes[place..].iter().step_by(count);
-            let mut of_plane = PlaneErrors::default();
-            of_plane.add(span.first, codes.zip(values).map(|(&code, &c)| error(&quantizer, code, c)));
-            errors.push(of_plane);
+        let count = model.plane_count();
+        let (mut errors, mut bytes) = (vec![PlaneErrors::default(); count], vec![0; span.pixels * count]);
+        for (role, errors) in errors.iter_mut().enumerate() {
+            let quantizer = self.quantizers.get(role / model.layout.planes_per_map()).unwrap_or(&UNIT);
+            let values = coefficients(span, model, role, 0..span.pixels);
+            let codes = codes_of(quantizer, values, span.first, errors);
+            let place = place_in_pixel(model.layout, model.maps(), role);
+            bytes[place..].iter_mut().step_by(count).zip(codes).for_each(|(byte, code)| *byte = code);
         }
         self.file.write_at(self.offset + (span.first * count) as u64, &bytes)?;
         self.errors.add(span.first, errors);

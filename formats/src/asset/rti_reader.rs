@@ -6,6 +6,7 @@ use super::header_words::{HeaderWords, LONGEST_HEADER};
 use super::rti::{BASIS_TYPES, TERMS, place_in_pixel};
 use super::{AssetHeader, Details, open_measured, planar, plane_bytes, plane_quantizers};
 use crate::FormatError;
+use crate::error::check_memory;
 use relight_core::basis::Hsh;
 use relight_core::{Basis, Model, RelightingMap, RelightingMaps, Space, Texels};
 use relight_texture::{Precision, Quantizer, TexelFormat};
@@ -36,9 +37,7 @@ pub(super) fn read(path: &Path, memory_limit: u64) -> Result<RelightingMaps, For
     let AssetHeader { width, height, model, .. } = &rti.header;
     let format = TexelFormat::Plain { precision: Precision::U8, channels: 1 };
     let needed = plane_bytes(*width, *height, model, format);
-    if needed > memory_limit || usize::try_from(needed).is_err() {
-        return Err(FormatError::too_large(path, needed, memory_limit));
-    }
+    check_memory(needed, memory_limit, path)?;
     let texels = read_texels(&mut rti).map_err(|e| match e.kind() {
         io::ErrorKind::UnexpectedEof => FormatError::invalid(path, "is cut short"),
         _ => FormatError::io(path, "read", e),
@@ -109,16 +108,10 @@ fn open(path: &Path) -> Result<RtiFile, FormatError> {
         Model { basis: Basis::Hsh(hsh), layout, space: Space::Encoded, lights: Vec::new(), figures: None };
     let pixel_bytes = model.plane_count() as u64;
     let found = file_bytes.saturating_sub(offset as u64);
-    let expected =
-        (width as u64).checked_mul(height as u64).and_then(|pixels| pixels.checked_mul(pixel_bytes));
-    if expected.is_none_or(|expected| expected > found) {
-        let problem =
-            format!("is cut short: {width} x {height} pixels of {pixel_bytes} bytes in {found} bytes");
-        return Err(FormatError::invalid(path, problem));
-    }
+    planar::check_pixels(path, (width, height), pixel_bytes, found)?;
     let of_role = |role: usize| match quantizers.get(role / layout.planes_per_map()) {
         Some(&quantizer) => quantizer,
-        None => Quantizer { scale: 1.0, bias: 0.0 },
+        None => planar::UNIT,
     };
     let packing = planar::packing(Precision::U8, (0..model.plane_count()).map(of_role));
     let header = AssetHeader { width, height, model, packing };

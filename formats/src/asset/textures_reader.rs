@@ -8,6 +8,7 @@ use super::textures::{Container, MANIFEST};
 use super::unpack::Unpacker;
 use super::{AssetHeader, Details, open_measured, positions};
 use crate::FormatError;
+use crate::error::check_memory;
 use relight_core::{Model, PositionMap, RelightingMaps};
 use relight_texture::{ArrayPlan, PackedMaps, Packing, PositionPlan};
 use std::io::Read;
@@ -240,9 +241,7 @@ pub(super) fn read_packed(
     let AssetHeader { width, height, model, packing } = header;
     let all = textures.iter().flatten();
     let needed = all.map(|texture| texture.shape.bytes()).fold(0, u64::saturating_add);
-    if needed > memory_limit || usize::try_from(needed).is_err() {
-        return Err(FormatError::too_large(path, needed, memory_limit));
-    }
+    check_memory(needed, memory_limit, path)?;
     let spare = memory_limit - needed;
     let mut texels = Vec::with_capacity(textures.len());
     for textures in &textures {

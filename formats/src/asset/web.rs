@@ -4,9 +4,8 @@
 //! FORMATS.md of this project. JPEG wants whole planes where coefficients come in runs of any order, so the
 //! codes of all planes are held; [`held_bytes`] says what that takes.
 
-use super::planar::{check_base_colors, plane_ranges};
-use super::ptm::{UNIT, error};
-use super::ptm_jpeg::{coefficients, together};
+use super::planar::{UNIT, check_base_colors, codes_of, coefficients, plane_ranges};
+use super::ptm_jpeg::together;
 use super::web_functions::codes_on_square;
 use super::web_info::{INFO, WebInfo, WebMaterial};
 use super::web_jpeg::{WORKING_BYTES, encode_planes};
@@ -15,6 +14,7 @@ use super::{
     plane_quantizers,
 };
 use crate::FormatError;
+use crate::error::check_memory;
 use crate::output_folder::OutputFolder;
 use crate::picture::decode_jpeg;
 use relight_core::{Basis, CoefficientSpan, Layout, Model, Space};
@@ -153,10 +153,7 @@ struct Held {
 pub(super) fn create(path: &Path, header: AssetHeader, settings: &WriteSettings) -> Created {
     check_finite(path, &header)?;
     let AssetHeader { width, height, model, .. } = &header;
-    let (needed, limit) = (held_bytes(*width, *height, model), settings.memory_limit);
-    if needed > limit || usize::try_from(needed).is_err() {
-        return Err(FormatError::too_large(path, needed, limit));
-    }
+    check_memory(held_bytes(*width, *height, model), settings.memory_limit, path)?;
     let coefficients = model.maps() * model.layout.planes_per_map();
     check_base_colors(path, &plane_ranges(&header)[coefficients..])?;
     let mut quantizers: Vec<_> = plane_quantizers(&header).into_iter().map(with_finite_bias).collect();
@@ -179,15 +176,11 @@ impl AssetWriter for WebWriter {
     fn write(&self, span: &CoefficientSpan<'_>) -> Result<(), FormatError> {
         assert_shape(&self.header, span);
         let model = &self.header.model;
-        let (mut errors, mut codes) = (Vec::new(), Vec::new());
-        for (role, quantizer) in self.quantizers.iter().enumerate() {
-            let values = coefficients(span, model.maps(), model.layout, role);
-            let of_plane: Vec<u8> = values.clone().map(|&c| quantizer.code(c)).collect();
-            let mut rounding = PlaneErrors::default();
-            let pairs = of_plane.iter().zip(values);
-            rounding.add(span.first, pairs.map(|(&code, &c)| error(quantizer, code, c)));
-            errors.push(rounding);
-            codes.push(of_plane);
+        let mut errors = vec![PlaneErrors::default(); self.quantizers.len()];
+        let mut codes = Vec::with_capacity(self.quantizers.len());
+        for (role, (quantizer, errors)) in self.quantizers.iter().zip(&mut errors).enumerate() {
+            let values = coefficients(span, model, role, 0..span.pixels);
+            codes.push(codes_of(quantizer, values, span.first, errors));
         }
         self.errors.add(span.first, errors);
         let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);

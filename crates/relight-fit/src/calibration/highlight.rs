@@ -1,6 +1,7 @@
 //! The highlight of a lamp on a mirror sphere, to a part of a pixel.
 
 use super::{LuminancePicture, MirrorSphere, Ray, SphereOutline, Viewer};
+use crate::median;
 use relight_core::vectors::unit;
 use std::collections::VecDeque;
 
@@ -60,17 +61,19 @@ pub fn find_highlight(
         })
         .collect();
     let disc = || (0..count).filter(|&at| inside[at]);
-    let median = median_of(disc().map(|at| picture.values[at]).collect())?;
+    let mut values: Vec<f32> = disc().map(|at| picture.values[at]).collect();
+    let middle_value = median(&mut values, f32::total_cmp)?;
     let peak = disc().map(|at| picture.values[at]).fold(f32::NEG_INFINITY, f32::max);
-    let contrast = f64::from(peak) - f64::from(median);
-    if contrast <= 0.0 || f64::from(peak) < LEAST_RATIO * f64::from(median) {
+    let contrast = f64::from(peak) - f64::from(middle_value);
+    if contrast <= 0.0 || f64::from(peak) < LEAST_RATIO * f64::from(middle_value) {
         return None;
     }
-    let threshold = median + 0.5 * (peak - median);
+    let threshold = middle_value + 0.5 * (peak - middle_value);
 
     let mut spots = spots(width, &inside, |at| picture.values[at] >= threshold);
-    let light =
-        |spot: &Vec<usize>| -> f64 { spot.iter().map(|&at| f64::from(picture.values[at] - median)).sum() };
+    let light = |spot: &Vec<usize>| -> f64 {
+        spot.iter().map(|&at| f64::from(picture.values[at] - middle_value)).sum()
+    };
     // The first of equals, in rows from the top.
     spots.sort_by(|a, b| light(b).total_cmp(&light(a)));
     let spot = spots.first()?;
@@ -81,7 +84,8 @@ pub fn find_highlight(
 
     let distance = distances(width, count, spot, 2 * RIM + 1);
     let ring = (0..count).filter(|&at| inside[at] && distance[at] > RIM && distance[at] <= 2 * RIM);
-    let around = median_of(ring.map(|at| picture.values[at]).collect()).unwrap_or(median);
+    let mut values: Vec<f32> = ring.map(|at| picture.values[at]).collect();
+    let around = median(&mut values, f32::total_cmp).unwrap_or(middle_value);
     let (mut total, mut at_sum, mut origin, mut direction) = (0.0, [0.0; 2], [0.0; 3], [0.0; 3]);
     for at in (0..count).filter(|&at| inside[at] && distance[at] <= RIM) {
         let place = middle(at);
@@ -101,11 +105,6 @@ pub fn find_highlight(
     }
     let ray = Ray { origin: origin.map(|c| c / total), direction: unit(direction)? };
     Some(Highlight { ray, at: at_sum.map(|c| c / total), contrast, rival })
-}
-
-fn median_of(mut values: Vec<f32>) -> Option<f32> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 /// Sets of pixels that touch each other, by an edge or a corner, in the order of their first pixels.

@@ -4,6 +4,7 @@
 //! gradient only; the circles it proposes are then measured at full size, and those kept whose edge goes nearly all around.
 
 use super::{LuminancePicture, SphereOutline};
+use crate::median;
 use nalgebra::{Matrix3, Vector3};
 
 /// An outline and how much of it was seen.
@@ -243,10 +244,9 @@ fn measured(tones: &Tones, [mut x, mut y, mut radius]: [f64; 3], reach: f64) -> 
                 ((dx * dx + dy * dy).sqrt() - radius).abs()
             };
             let mut distances: Vec<f64> = edge.iter().map(off).collect();
-            let middle = distances.len() / 2;
-            let median = *distances.select_nth_unstable_by(middle, f64::total_cmp).1;
+            let usual = median(&mut distances, f64::total_cmp)?;
             support = edge.iter().filter(|at| off(at) <= allowed).count() as f64 / RAYS as f64;
-            kept = edge.iter().filter(|at| off(at) <= (2.5 * median).max(0.5)).copied().collect();
+            kept = edge.iter().filter(|at| off(at) <= (2.5 * usual).max(0.5)).copied().collect();
         }
     }
     let inside = x - radius > -0.5

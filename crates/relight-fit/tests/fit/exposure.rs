@@ -1,9 +1,9 @@
 //! Exposure factors of pictures that were made brighter and darker.
 
 use crate::pictures::{Pictures, direction, dome, random};
-use relight_core::Direction;
 use relight_core::vectors::{dot, unit};
-use relight_fit::{FitError, exposure_factors};
+use relight_core::{Direction, LightSet};
+use relight_fit::{FitError, exposure_factors, exposure_trial};
 
 const SIZE: (usize, usize) = (67, 59);
 
@@ -62,4 +62,41 @@ fn a_black_picture_has_no_factor_and_two_lights_are_refused() {
     let two = [direction(0.1, 0.2, 1.0), direction(-0.4, 0.1, 1.0)];
     let refused = exposure_factors(&scaled(&two, |_| 1.0, 1.0), &two, &[1.0; 6]).unwrap_err();
     assert!(matches!(refused, FitError::TooFewForNormals { lights: 2 }));
+}
+
+/// A nearly flat, glossy surface: what shines into the lens does so in all pixels of a picture alike.
+fn flat(lights: &[Direction], factor: impl Fn(usize) -> f64) -> Pictures {
+    Pictures::of((lights.len(), SIZE, 3), |light, pixel, channel| {
+        let normal = unit([0.02 * random(pixel, 1), 0.02 * random(pixel, 2), 1.0]).unwrap();
+        let [x, y, z] = lights[light].components();
+        let halfway = unit([x, y, z + 1.0]).unwrap();
+        let gloss = dot(normal, halfway).max(0.0).powi(40);
+        let albedo = 0.35 + 0.2 * random(pixel, 3 + channel);
+        factor(light) * (albedo * dot(normal, [x, y, z]).max(0.0) + 0.5 * gloss)
+    })
+}
+
+#[test]
+fn factors_are_taken_where_lamps_flickered_and_not_where_the_surface_makes_them() {
+    let lights = dome(40);
+    let set = LightSet::from_directions(lights.clone());
+    let trial = |pictures: &Pictures| {
+        let found = exposure_factors(pictures, &lights, &[]).unwrap();
+        let factors: Vec<f64> = found.iter().map(|factor| factor.unwrap_or(1.0)).collect();
+        let off = factors.iter().map(|factor| (factor - 1.0).abs()).fold(0.0, f64::max);
+        (exposure_trial(&set, &pictures.sample(), &factors).unwrap().unwrap(), off)
+    };
+    let flicker = |light| 1.0 + 0.25 * random(light, 11);
+    for pictures in [scaled(&lights, flicker, 10.0), flat(&lights, flicker)] {
+        let (trial, _) = trial(&pictures);
+        assert!(trial.is_accepted(), "{trial:?}");
+    }
+    let (even, off) = trial(&flat(&lights, |_| 1.0));
+    assert!(off > 0.15 && !even.is_accepted(), "{even:?}, factors {off} off");
+    let (even, off) = trial(&scaled(&lights, |_| 1.0, 10.0));
+    assert!(off < 0.02 && !even.is_accepted(), "{even:?}, factors {off} off");
+    let few = dome(3);
+    let none =
+        exposure_trial(&LightSet::from_directions(few.clone()), &flat(&few, |_| 1.0).sample(), &[1.0; 3]);
+    assert_eq!(none.unwrap(), None);
 }
