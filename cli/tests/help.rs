@@ -7,8 +7,9 @@ mod scene;
 use scene::relight;
 use std::path::Path;
 
-const SUBCOMMANDS: [&str; 12] = [
+const SUBCOMMANDS: [&str; 13] = [
     "bake",
+    "convert",
     "render",
     "view",
     "evaluate",
@@ -37,6 +38,10 @@ fn every_subcommand_explains_its_options() {
         (
             "bake",
             &["--output <FILE>", "--basis <NAME>", "--holdout <WHICH>", "--memory <SIZE>", "--jobs"][..],
+        ),
+        (
+            "convert",
+            &["<INPUT>", "--output <FILE>", "--basis <NAME>", "--block <FORMAT>", "--ridge", "--json"],
         ),
         ("render", &["--light <X,Y,Z[,R,G,B]>", "--angles", "--lights <FILE.lp>", "--depth"]),
         ("view", &["--view <YAW,PITCH,FOV>", "--mesh <FILE>", "--latitude", "--space", "--albedo"]),
