@@ -77,7 +77,7 @@ fn every_format_becomes_every_other_and_keeps_what_the_other_holds() {
                 own => input == format!("a.{own}"),
             };
             assert_eq!(done["way"] == "planes kept", held, "{input} to {format}: {}", done["way"]);
-            assert_eq!(before.model.basis == after.model.basis, held, "{input} to {format}");
+            assert!(!held || before.model.basis == after.model.basis, "{input} to {format}");
             // Least squares between functions of this size; what is kept loses its quantisation alone.
             let said = done["loss"]["psnr"].as_f64().unwrap_or(f64::INFINITY);
             let least = match (held, format) {
