@@ -10,6 +10,7 @@ use std::path::Path;
 /// A program without `gpu` lacks the last two.
 const SUBCOMMANDS: &[&str] = &[
     "bake",
+    "convert",
     "render",
     "view",
     "evaluate",
@@ -40,6 +41,10 @@ fn every_subcommand_explains_its_options() {
         (
             "bake",
             &["--output <FILE>", "--basis <NAME>", "--holdout <WHICH>", "--memory <SIZE>", "--jobs"][..],
+        ),
+        (
+            "convert",
+            &["<INPUT>", "--output <FILE>", "--basis <NAME>", "--block <FORMAT>", "--ridge", "--json"],
         ),
         ("render", &["--light <X,Y,Z[,R,G,B]>", "--angles", "--lights <FILE.lp>", "--depth"]),
         ("view", &["--view <YAW,PITCH,FOV>", "--mesh <FILE>", "--latitude", "--space", "--albedo"]),

@@ -296,7 +296,7 @@ fn factors_that_a_flat_surface_makes_are_refused_and_those_of_lamps_are_not() {
     let here = folder.path();
     // A nearly flat, glossy surface.
     let flat = |x: usize, y: usize, i: usize| {
-        let [lx, ly, lz] = light(i, 40);
+        let [lx, _, lz] = light(i, 40);
         let slant = 0.02 * ((x * 5 + y * 3) % 7) as f64 - 0.06;
         let halfway = (lx * slant + lz + 1.0) / (2.0 + 2.0 * lz).sqrt();
         let albedo = [0.3, 0.25, 0.2].map(|c| c + 0.02 * ((x + 3 * y) % 5) as f64);

@@ -264,7 +264,9 @@ impl Done<'_> {
             way.words(from),
         );
         say!("{}", self.loss.words());
-        say!("of that by storing: RMS {:.3} of 255", self.packed.relit_rmse * 255.0);
+        if self.packed.relit_rmse > 0.0 {
+            say!("of that by storing: RMS {:.3} of 255", self.packed.relit_rmse * 255.0);
+        }
     }
 
     fn format_names(&self) -> String {

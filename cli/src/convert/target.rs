@@ -87,9 +87,12 @@ fn other(space: Space) -> Space {
     }
 }
 
-/// Functions, and planes at most where they are learned: what is asked for, or else what there is and then all
+/// Functions, none where pictures alone would tell; and planes at most, where they are learned.
+type Candidate = (Option<Basis>, Option<usize>);
+
+/// Functions and planes: what is asked for, or else what there is and then all
 /// others by their number of functions.
-fn bases(arguments: &ConvertArguments, from: &Model) -> Result<Vec<(Option<Basis>, Option<usize>)>, Failure> {
+fn bases(arguments: &ConvertArguments, from: &Model) -> Result<Vec<Candidate>, Failure> {
     let lights = lights_of(from);
     let functions = &arguments.functions;
     let asked = match &arguments.basis {

@@ -18,6 +18,11 @@ const NO_TRANSFORM: &[u8; 12] = b"Adobe\0\x64\0\0\0\0\0";
 /// whatever Adobe's says.
 const JFIF: std::ops::Range<usize> = 2..20;
 
+/// Pictures up to this width are written as one scan with the usual Huffman tables: tables of a file's own come
+/// with a scan a component, of which the decoder (zune-jpeg 0.5) drops the last row of blocks where its bits are
+/// 64 at most, 2 a block where a plane is constant.
+const NARROW: usize = 64 / 2 * 8;
+
 struct Planes<'a> {
     planes: &'a [Vec<u8>],
     width: u16,
@@ -70,7 +75,7 @@ pub(super) fn encode_planes(
 ) -> Result<Vec<u8>, EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = Encoder::new(&mut bytes, quality);
-    encoder.set_optimized_huffman_tables(true);
+    encoder.set_optimized_huffman_tables(width > NARROW);
     encoder.set_sampling_factor(SamplingFactor::F_1_1);
     encoder.set_quantization_tables(QuantizationTableType::Flat, QuantizationTableType::Flat);
     if !in_common {
@@ -81,4 +86,31 @@ pub(super) fn encode_planes(
         bytes.drain(JFIF);
     }
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::decode_jpeg;
+    use std::path::Path;
+
+    #[test]
+    fn constant_planes_come_back_at_every_width() {
+        for (width, height) in [(1, 1), (40, 24), (250, 17), (256, 40), (257, 40), (300, 33)] {
+            for constant in [0, 1, 2] {
+                let plane = |p: usize| -> Vec<u8> {
+                    let code =
+                        |x: usize| if p == constant { 255 } else { (100 + 9 * p + x % width / 8) as u8 };
+                    (0..width * height).map(code).collect()
+                };
+                let planes = [0, 1, 2].map(plane);
+                let jpeg = encode_planes(&planes, (width, height), 95, false).unwrap();
+                let back = decode_jpeg(&jpeg, (width, height), 3, Path::new("a.jpg"), 1 << 30).unwrap();
+                for (i, code) in back.into_iter().enumerate() {
+                    let error = code.abs_diff(planes[i % 3][i / 3]);
+                    assert!(error <= 4, "{width} x {height}, plane {}, pixel {}: {error}", i % 3, i / 3);
+                }
+            }
+        }
+    }
 }

@@ -54,11 +54,15 @@ fn refitted(
     domain: Cap,
     span: usize,
 ) -> RelightingMaps {
-    let refit = Refit::new(&maps.model, basis.clone(), layout, domain, 0.0).unwrap();
+    made_by(&Refit::new(&maps.model, basis.clone(), layout, domain, 0.0).unwrap(), maps, span)
+}
+
+fn made_by(refit: &Refit, maps: &RelightingMaps, span: usize) -> RelightingMaps {
+    let layout = refit.layout;
     let model = model_of(refit.basis.clone(), layout);
     let stride = layout.planes_per_map();
     let planes = Mutex::new(vec![vec![f32::NAN; maps.pixels()]; model.plane_count()]);
-    for_each_span(&PlaneStack(maps), &refit, CpuLevel::detect(), span, |span| {
+    for_each_span(&PlaneStack(maps), refit, CpuLevel::detect(), span, |span| {
         let mut planes = planes.lock().unwrap();
         for (p, plane) in planes.iter_mut().enumerate() {
             let (row, channels, channel) = match p.checked_sub(model.maps() * stride) {
@@ -220,4 +224,21 @@ fn pictures_of_an_asset_are_those_that_it_relights() {
     let encoded = relight(&maps, lights[7], CpuLevel::BASELINE).samples;
     let expected: Vec<f32> = encoded[39..69].iter().map(|&v| relight_core::linear_from_srgb(v)).collect();
     assert_eq!(row, expected);
+}
+
+#[test]
+fn harmonics_that_half_the_sphere_hardly_tells_apart_stay_small_by_a_ridge() {
+    let maps = asset(learned(6, 3), Layout::Shared);
+    let lights = fibonacci_in(cap(FRAC_PI_2), 50);
+    let fit = |ridge: f64| {
+        let refit = Refit::new(&maps.model, functions("sh", 49), Layout::Rgb, cap(FRAC_PI_2), ridge).unwrap();
+        assert!(refit.condition > 5e3, "{}", refit.condition);
+        let back = made_by(&refit, &maps, SPAN);
+        let planes = back.coefficient_map().planes;
+        let largest = planes.iter().flatten().fold(0.0f32, |largest, c| largest.max(c.abs()));
+        (largest, difference(&maps, &back, &lights))
+    };
+    let ((largest, exact), (held, near)) = (fit(0.0), fit(1e-6));
+    assert!(largest > 3.0 * held, "{largest} without, {held} with a ridge");
+    assert!(near < 2.0 * exact + 0.02, "{near} from the old with a ridge, {exact} without");
 }
