@@ -118,29 +118,38 @@ pub(crate) fn evaluate(
 ) -> Result<Evaluation, Failure> {
     let maps = read_asset(asset, machine.memory)?;
     check_size((maps.width, maps.height), asset, capture)?;
+    compare(&maps, capture, machine, &|i| Ok(capture.photograph(i, machine.level, machine.memory)?))
+}
+
+/// Relights `maps` at every light of `capture` and compares with its photographs, which `photograph` gives.
+pub(crate) fn compare(
+    maps: &RelightingMaps,
+    capture: &OpenCapture,
+    machine: &Machine,
+    photograph: &(dyn Fn(usize) -> Result<Picture, Failure> + Sync),
+) -> Result<Evaluation, Failure> {
     let linear = capture.is_float();
     let bar = progress::bar("comparing", capture.infos.len());
     let sum = Mutex::new(vec![0.0f64; maps.pixels()]);
     let figures = |i: usize| -> Result<PictureFigures, Failure> {
         interrupt::check()?;
         let light = &capture.capture.lights.lights[i];
-        let photograph = capture.photograph(i, machine.level, machine.memory)?;
-        let relit = relit(&maps, light.direction, linear, machine);
+        let photograph = photograph(i)?;
+        let relit = relit(maps, light.direction, linear, machine);
         let (relit, photograph) = same_channels(relit, photograph);
-        let compare =
-            |a: &Picture, b: &Picture| metrics::compare(&a.samples, &b.samples, a.width, a.channels);
-        let stored = compare(&relit, &photograph);
+        let errors = |a: &Picture, b: &Picture| metrics::compare(&a.samples, &b.samples, a.width, a.channels);
+        let stored = errors(&relit, &photograph);
         let mut sum = sum.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         add_errors(&mut sum, &relit, &photograph);
         drop(sum);
         let encoded = match linear {
-            true => compare(&relit.encoded_from(Space::Linear), &photograph.encoded_from(Space::Linear)),
+            true => errors(&relit.encoded_from(Space::Linear), &photograph.encoded_from(Space::Linear)),
             false => stored,
         };
         bar.inc(1);
         Ok(PictureFigures { name: light.name.clone(), stored, encoded })
     };
-    let at_once = pictures_at_once(&maps, capture, machine);
+    let at_once = pictures_at_once(maps, capture, machine);
     let all: Vec<usize> = (0..capture.infos.len()).collect();
     let mut pictures = Vec::with_capacity(all.len());
     for group in all.chunks(at_once) {
@@ -202,6 +211,21 @@ impl Evaluation {
 
     fn worst(&self) -> Option<&PictureFigures> {
         self.pictures.iter().min_by(|a, b| a.stored.psnr.total_cmp(&b.stored.psnr))
+    }
+
+    /// Mean over the lights of the PSNR of stored values.
+    pub(crate) fn mean_psnr(&self) -> f64 {
+        self.mean(|p| p.stored.psnr)
+    }
+
+    /// Mean over the lights of the root mean square error of stored values.
+    pub(crate) fn mean_rmse(&self) -> f64 {
+        self.mean(|p| p.stored.rmse)
+    }
+
+    /// The root mean square error of each light.
+    pub(crate) fn light_errors(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.pictures.iter().map(|p| (p.name.as_str(), p.stored.rmse))
     }
 
     /// Mean and worst figures in words.

@@ -6,7 +6,7 @@ use relight_core::Family;
 use relight_core::basis::{Domain, FAMILIES, Kernel, PointSet, Spread, SrbfDesign};
 
 /// How many functions, and where those of SRBF lie.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct FunctionOptions {
     /// Number of functions of light; of pca, planes
     #[arg(short, long, value_name = "N", conflicts_with_all = ["order", "degree"], value_parser = size_of, allow_negative_numbers = true)]
@@ -80,6 +80,11 @@ pub(crate) fn family_of_name(name: &str) -> Result<&'static Family, Failure> {
 }
 
 impl FunctionOptions {
+    /// These options for `count` functions.
+    pub(crate) fn with_count(&self, count: usize) -> Self {
+        Self { k: Some(count), order: None, degree: None, ..self.clone() }
+    }
+
     /// Whether the SRBF functions' places or shape are asked for.
     pub(crate) fn shapes_srbf(&self) -> bool {
         self.points.is_some() || self.domain.is_some() || self.spread.is_some() || self.kernel.is_some()

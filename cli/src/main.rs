@@ -26,6 +26,7 @@ mod progress;
 mod render;
 mod say;
 mod shader;
+mod sweep;
 #[cfg(feature = "gpu")]
 mod verify;
 mod view;
@@ -46,6 +47,8 @@ struct Arguments {
 enum Command {
     /// Fit pictures under known lights and write a relightable asset
     Bake(Box<bake::BakeArguments>),
+    /// Bake a grid of choices and say what accuracy costs in bytes and time
+    Sweep(Box<sweep::SweepArguments>),
     /// Make an asset of another format, basis or precision of an asset, and say what that loses
     Convert(Box<convert::ConvertArguments>),
     /// Light an asset anew and write pictures
@@ -88,6 +91,7 @@ fn main() -> ExitCode {
     interrupt::watch();
     let result = std::panic::catch_unwind(|| match arguments.command {
         Command::Bake(arguments) => bake::run(&arguments),
+        Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::View(arguments) => view::run(&arguments),

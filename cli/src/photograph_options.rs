@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Options of the commands that read photographs.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct PhotographOptions {
     /// Use only this part of each picture: pixels from the upper left corner, such as 640x480+100+20
     #[arg(long, value_name = "WxH+X+Y")]

@@ -3,6 +3,7 @@
 pub mod asset;
 mod camera_file;
 mod capture_folder;
+mod content;
 mod crop;
 mod depth_file;
 mod describe;
@@ -29,6 +30,7 @@ pub use asset::{
 };
 pub use camera_file::read_camera_file;
 pub use capture_folder::{OpenCapture, open_capture};
+pub use content::{bytes_on_disk, content_key, remove_file};
 pub use crop::Crop;
 pub use depth_file::read_depth_file;
 pub use describe::describe;
@@ -41,6 +43,7 @@ pub use machine::{create_folder, machine_memory, place_of, read_text};
 pub use mesh::read_mesh;
 pub use normal_file::{NormalPicture, read_normal_file, write_normal_file};
 pub use output_file::{OutputFile, write_whole};
+pub use output_folder::ScratchFolder;
 pub use picture::{DecodedPicture, PictureInfo, SampleType, Samples, decode, probe};
 pub use picture_output::{PictureDepth, picture_depths, write_picture};
 pub use position_file::{read_position_file, write_position_file};

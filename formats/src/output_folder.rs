@@ -8,6 +8,28 @@ use std::io;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
+/// A folder for what is only needed for a while, hidden beside an output; gone when it is dropped.
+#[derive(Debug)]
+pub struct ScratchFolder(TempDir);
+
+impl ScratchFolder {
+    /// Makes it in the folder in which `output` is to stand.
+    ///
+    /// # Errors
+    /// [`FormatError::Io`] when that is missing or can't be written to.
+    pub fn beside(output: &Path) -> Result<Self, FormatError> {
+        let around = folder_around(output, output)?;
+        let name = output.file_name().unwrap_or_default();
+        let folder = hidden_folder(name, around);
+        Ok(Self(folder.map_err(|e| FormatError::io(output, "create", e.kind().into()))?))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+}
+
 /// A folder of files on its way to `path`.
 ///
 /// Files go to `.name.relight-XXXXXX.tmp` beside the target; [`Self::finish`] renames that. Dropping it without

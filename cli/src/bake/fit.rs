@@ -1,24 +1,26 @@
 //! From options and lights to a solved fit, and what is worth saying about it.
 
-use super::BakeArguments;
+use super::fit_options::FitOptions;
+use super::making::Samples;
 use crate::failure::{Exit, Failure};
-use crate::interrupt;
 use relight_core::basis::Learned;
-use relight_core::{Basis, Design, FitFigures, Layout, Stack};
+use relight_core::{Basis, Design, FitFigures, Layout};
 use relight_fit::{
-    ChannelSample, FitError, LIGHTS_PER_FUNCTION, LearnedFit, LeastSquares, LeaveOneOut, Misfit, PixelFit,
-    Sample, WORST_CONDITION, largest_usable, learned_bytes, misfits,
+    LIGHTS_PER_FUNCTION, LearnedFit, LeastSquares, LeaveOneOut, Misfit, PixelFit, Sample, WORST_CONDITION,
+    largest_usable, learned_bytes,
 };
 use relight_formats::OpenCapture;
 use relight_texture::{TexelFormat, level_size};
 
 /// What to fit.
-pub(super) struct Choice {
+#[derive(Clone)]
+pub(crate) struct Choice {
     kind: Kind,
     notes: Vec<String>,
 }
 
 /// How coefficients are to come about.
+#[derive(Clone)]
 enum Kind {
     /// Of the functions of a basis.
     Functions(Basis),
@@ -87,16 +89,16 @@ impl Choice {
 const MOST_PLANES: usize = 64;
 
 /// How coefficients come about.
-pub(super) enum Solved {
+pub(crate) enum Solved {
     Functions(LeastSquares, Layout),
     Planes(LearnedFit),
 }
 
 /// A solved fit.
-pub(super) struct BakeFit {
-    pub(super) solved: Solved,
+pub(crate) struct BakeFit {
+    pub(crate) solved: Solved,
     /// What the user should know: lowered orders, deficient lights, pictures that don't fit.
-    pub(super) notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
     pub(super) misfits: Vec<Misfit>,
 }
 
@@ -108,21 +110,21 @@ impl Solved {
         }
     }
 
-    pub(super) fn basis(&self) -> Basis {
+    pub(crate) fn basis(&self) -> Basis {
         match self {
             Self::Functions(fit, _) => fit.basis.clone(),
             Self::Planes(fit) => Basis::Learned(fit.basis.clone()),
         }
     }
 
-    pub(super) fn figures(&self) -> FitFigures {
+    pub(crate) fn figures(&self) -> FitFigures {
         match self {
             Self::Functions(fit, _) => fit.figures,
             Self::Planes(fit) => fit.figures,
         }
     }
 
-    pub(super) fn leave_one_out(&self) -> &LeaveOneOut {
+    pub(crate) fn leave_one_out(&self) -> &LeaveOneOut {
         match self {
             Self::Functions(fit, _) => &fit.leave_one_out,
             Self::Planes(fit) => &fit.leave_one_out,
@@ -130,7 +132,7 @@ impl Solved {
     }
 
     /// What is fitted, in words.
-    pub(super) fn words(&self) -> String {
+    pub(crate) fn words(&self) -> String {
         match self {
             Self::Functions(fit, _) => {
                 format!("{} with {} functions", fit.basis.family().name, fit.basis.count())
@@ -142,17 +144,13 @@ impl Solved {
 }
 
 /// The basis that the options name; its default size is lowered to what the lights carry.
-pub(super) fn choose_basis(arguments: &BakeArguments, capture: &OpenCapture) -> Result<Choice, Failure> {
+pub(super) fn choose_basis(arguments: &FitOptions, capture: &OpenCapture) -> Result<Choice, Failure> {
     let family = arguments.family()?;
     let lights = &capture.capture.lights;
     let srbf = arguments.srbf()?;
     let channels = if capture.is_grey() { 1 } else { 3 };
     if family.learned {
-        let most = match arguments.target_psnr {
-            Some(_) => MOST_PLANES,
-            None if arguments.budget_bytes.is_some() => MOST_PLANES,
-            None => family.default_count,
-        };
+        let most = if arguments.targets.any() { MOST_PLANES } else { family.default_count };
         let most = arguments.asked_count()?.unwrap_or(most);
         return Ok(Choice { kind: Kind::Planes { most, channels, basis: None }, notes: Vec::new() });
     }
@@ -185,15 +183,14 @@ pub(super) fn choose_basis(arguments: &BakeArguments, capture: &OpenCapture) -> 
 
 /// Solves the fit and examines it.
 pub(super) fn solve(
-    arguments: &BakeArguments,
-    choice: Choice,
+    arguments: &FitOptions,
+    choice: &Choice,
     capture: &OpenCapture,
     layout: Layout,
-    stack: &dyn Stack,
+    samples: &Samples<'_>,
 ) -> Result<BakeFit, Failure> {
     let directions = capture.capture.lights.directions();
-    let Choice { kind, mut notes } = choice;
-    let lights = &capture.capture.lights;
+    let Choice { kind, mut notes } = choice.clone();
     let least_squares = |basis: Basis, sample: &Sample, notes: &mut Vec<String>| -> Result<_, Failure> {
         let fit = LeastSquares::new(basis, &directions, arguments.weighting(), arguments.ridge, sample)?;
         notes.extend(deficiency(arguments, capture, &fit)?);
@@ -201,27 +198,25 @@ pub(super) fn solve(
     };
     let (solved, misfits) = match kind {
         Kind::Functions(basis) => {
-            let sample = Sample::of(stack).map_err(FitError::from)?;
-            interrupt::check()?;
-            let fit = least_squares(basis, &sample, &mut notes)?;
-            (Solved::Functions(fit, layout), misfits(lights, &sample)?)
+            let sample = samples.pictures()?;
+            let fit = least_squares(basis, sample, &mut notes)?;
+            (Solved::Functions(fit, layout), samples.misfits(capture, sample)?)
         }
         Kind::Planes { most, basis, .. } => {
-            let sample = ChannelSample::of(stack).map_err(FitError::from)?;
-            interrupt::check()?;
+            let sample = samples.channels()?;
             let design = arguments.learned_design(most);
             let fit = match basis {
-                None => LearnedFit::new(&directions, design, &sample)?,
+                None => LearnedFit::new(&directions, design, sample)?,
                 Some(basis) => {
                     let fit = least_squares(basis, &sample.of_pictures, &mut notes)?;
-                    LearnedFit::factored(&fit, &directions, design, &sample)?
+                    LearnedFit::factored(&fit, &directions, design, sample)?
                 }
             };
             let found = fit.basis.planes();
-            if found < most && arguments.target_psnr.is_none() {
+            if found < most && !arguments.targets.any() {
                 notes.push(format!("the pictures have no more than {found} planes of the {most} asked for"));
             }
-            (Solved::Planes(fit), misfits(lights, &sample.of_pictures)?)
+            (Solved::Planes(fit), samples.misfits(capture, &sample.of_pictures)?)
         }
     };
     let name = |light: usize| &capture.capture.lights.lights[light].name;
@@ -237,12 +232,12 @@ pub(super) fn solve(
             misfit.rmse / misfit.expected
         ),
     }));
-    Ok(BakeFit { solved, notes, misfits })
+    Ok(BakeFit { solved, notes, misfits: misfits.to_vec() })
 }
 
 /// A sentence when the lights leave functions undetermined or nearly so.
 fn deficiency(
-    arguments: &BakeArguments,
+    arguments: &FitOptions,
     capture: &OpenCapture,
     fit: &LeastSquares,
 ) -> Result<Option<String>, Failure> {

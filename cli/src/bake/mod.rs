@@ -1,28 +1,25 @@
 //! `relight bake`: pictures in, asset out.
 
 mod fit;
+mod fit_options;
+mod making;
 mod positions;
 mod report;
 pub(crate) mod textures;
 
 use crate::failure::Failure;
-use crate::function_options::{FunctionOptions, family_of_name, size_of};
 use crate::holdout::Holdout;
-use crate::options::{ByteCount, Machine, MachineOptions, check_apart, check_writable};
+use crate::options::{Machine, MachineOptions, check_apart, check_writable};
 use crate::photograph_options::PhotographOptions;
-use crate::{evaluate, interrupt, notes, progress};
-use clap::{Args, ValueEnum};
-use relight_core::basis::SrbfDesign;
-use relight_core::{Family, Layout, Model, Space, Stack};
-use relight_fit::{
-    LearnedDesign, LightWeights, Ridge, coefficient_distributions, coefficient_sample, for_each_span,
-    span_bytes,
-};
+use crate::{evaluate, interrupt, notes, progress, sweep};
+use clap::Args;
+pub(crate) use fit::BakeFit;
+pub(crate) use fit_options::{Color, FitOptions, TargetOptions};
+pub(crate) use making::{Made, Planned, Samples, bytes_beside, make};
+use relight_core::Space;
 use relight_formats::{
-    AssetFormat, AssetHeader, AssetPlan, AssetPositions, OpenCapture, Parts, PictureStack, StackSettings,
-    open_capture, place_of,
+    AssetFormat, AssetPositions, OpenCapture, PictureStack, StackSettings, open_capture, place_of,
 };
-use relight_texture::{needs_rows, span_pixels, working_bytes};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -34,34 +31,8 @@ pub(crate) struct BakeArguments {
     /// The asset to write: .ktx2, .dds, .exr, .ptm, .rti, or .web for a folder
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Family of functions: ptm, sh, hsh, srbf, or pca for planes learned from the pictures
-    #[arg(long, value_name = "NAME", default_value = "ptm")]
-    basis: String,
     #[command(flatten)]
-    functions: FunctionOptions,
-    /// Three planes a function, or luminance planes and a base colour; of pca: planes of any colour, or of
-    /// luminance or chrominance each
-    #[arg(long, value_name = "COLOR", value_enum, default_value = "rgb")]
-    color: Color,
-    /// Store so many planes instead of all coefficients of ptm, sh, hsh or srbf: those that carry most of them
-    #[arg(long, value_name = "N", value_parser = size_of, allow_negative_numbers = true)]
-    planes: Option<usize>,
-    /// Of pca and --planes: take the fewest planes whose mean PSNR on lights predicted from the others reaches
-    /// this (dB)
-    #[arg(long, value_name = "DB", value_parser = decibels_of, allow_negative_numbers = true)]
-    target_psnr: Option<f64>,
-    /// Of pca and --planes: take no more planes than texels of so many bytes hold, mip levels included; 8M, 512K
-    #[arg(long, value_name = "BYTES")]
-    budget_bytes: Option<ByteCount>,
-    /// Values to fit: auto takes 8/16-bit pictures encoded and float pictures linear
-    #[arg(long, value_name = "SPACE", value_enum, default_value = "auto")]
-    space: SpaceChoice,
-    /// How strongly coefficients are held small: auto, or 0 to 1
-    #[arg(long, value_name = "RIDGE", default_value = "auto", value_parser = ridge_of, allow_negative_numbers = true)]
-    ridge: Ridge,
-    /// Weight of each light: by the area of its cell on the sphere, or all alike
-    #[arg(long, value_name = "WEIGHTS", value_enum, default_value = "voronoi")]
-    weights: Weights,
+    fit: FitOptions,
     #[command(flatten)]
     photographs: PhotographOptions,
     #[command(flatten)]
@@ -78,47 +49,17 @@ pub(crate) struct BakeArguments {
     machine: MachineOptions,
 }
 
-/// How channels share planes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Color {
-    Rgb,
-    Lrgb,
-    Ycc,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum SpaceChoice {
-    Auto,
-    Encoded,
-    Linear,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Weights {
-    Voronoi,
-    Uniform,
-}
-
-fn decibels_of(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(decibels) if (0.0..=120.0).contains(&decibels) => Ok(decibels),
-        _ => Err("write decibels from 0 to 120".to_owned()),
-    }
-}
-
-fn ridge_of(text: &str) -> Result<Ridge, String> {
-    match text.parse::<f64>() {
-        _ if text == "auto" => Ok(Ridge::Auto),
-        Ok(ridge) if (0.0..=1.0).contains(&ridge) => Ok(Ridge::Fixed(ridge)),
-        _ => Err("write auto or a number from 0 to 1".to_owned()),
-    }
-}
-
 /// Seconds that each stage took, in order.
-pub(crate) struct Stages(Vec<(&'static str, f64)>);
+#[derive(Clone, Default)]
+pub(crate) struct Stages(pub(crate) Vec<(&'static str, f64)>);
 
 impl Stages {
-    fn time<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
+    /// Adds those of a part of the work.
+    pub(crate) fn add(&mut self, part: &Self) {
+        self.0.extend_from_slice(&part.0);
+    }
+
+    pub(crate) fn time<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();
         self.0.push((stage, start.elapsed().as_secs_f64()));
@@ -134,39 +75,34 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.report {
         check_writable(path)?;
     }
-    let settings = arguments.textures.settings(machine.memory)?;
     let spill_folder = spill_folder(&arguments.output);
-    let mut stages = Stages(Vec::new());
+    let mut stages = Stages::default();
 
     let mut all = stages.time("open", || open_capture(&arguments.input))?;
     let whole = all.size();
     stages.time("adjust", || arguments.photographs.apply(&mut all, &machine, &spill_folder))?;
     notes::print(&all.capture.notes);
-    let (fitted, left_out) = split(&all, arguments)?;
+    let (fitted, left_out) = split(&all, arguments.holdout.as_ref(), &arguments.photographs)?;
     let judges =
         left_out.iter().flat_map(|judge| judge.capture.pictures.iter().chain([&judge.capture.light_file]));
     let positions = arguments.positions.files().chain(arguments.photographs.files());
     let inputs: Vec<&PathBuf> =
         all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges).chain(positions).collect();
     check_apart(std::iter::once(&arguments.output).chain(&arguments.report), inputs.iter().copied())?;
-    let space = arguments.space(&all);
-    let layout = arguments.layout(&fitted)?;
-    let (width, height) = fitted.size();
-    let formats = arguments.textures.formats(format.precisions[0], format, layout)?;
-    let levels = arguments.textures.levels(width, height);
-    let mut choice = fit::choose_basis(arguments, &fitted)?;
-    if let Some(budget) = arguments.budget_bytes {
-        choice.keep_within(budget.0, &formats, (width, height), levels)?;
-    }
-    let mut model = Model {
-        basis: choice.stored()?,
-        layout,
-        space,
-        lights: fitted.capture.lights.directions(),
-        figures: None,
+    let space = arguments.fit.space(&all);
+    let found = match arguments.fit.searches()? {
+        true => {
+            let (left_out, spill) = (left_out.as_ref(), spill_folder.as_path());
+            let opened = sweep::Opened { fitted: &fitted, left_out, space, machine, spill };
+            Some(search(arguments, &opened, &mut stages)?)
+        }
+        false => None,
     };
-    let plan = AssetPlan { width, height, model: &model, formats: &formats, levels };
-    format.check(&arguments.output, &plan, &settings).map_err(Failure::of_output)?;
+    let (fit, textures) = match &found {
+        Some(found) => (&found.fit, &found.textures),
+        None => (&arguments.fit, &arguments.textures),
+    };
+    let mut planned = Planned::new(&arguments.output, fit, textures, &fitted, space, &machine)?;
 
     let mut scene_notes = Vec::new();
     let wanted = arguments.positions.wanted(&machine, &mut scene_notes)?;
@@ -181,62 +117,18 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     };
     let position_bytes = positions.as_ref().map_or(0, |positions| size_of_val(&positions.map.points[..]));
 
-    let span = span_pixels(width, needs_rows(formats.iter().copied(), levels));
-    let working = working_bytes(formats.iter().copied(), model.plane_count(), span);
-    let spans = machine.threads as u64 * (span_bytes(fitted.infos.len(), model.maps(), span) + working);
-    // Fitting begins when what it takes to solve is gone.
-    let needed = spans.max(choice.solving_bytes(&fitted));
-    let kept_back =
-        format.held_bytes(&plan, &settings).saturating_add(needed).saturating_add(position_bytes as u64);
-    let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &spill_folder))?;
-    let mut fit = stages.time("solve", || fit::solve(arguments, choice, &fitted, layout, &stack))?;
-    model.basis = fit.solved.basis();
-    model.figures = Some(fit.solved.figures());
-
-    let distributions =
-        stages.time("ranges", || match formats.iter().any(|&texels| format.needs_ranges(texels)) {
-            true => {
-                coefficient_distributions::<Failure>(&stack, fit.solved.pixel_fit(), machine.level, || {
-                    Ok(interrupt::check()?)
-                })
-            }
-            false => Ok(Vec::new()),
-        })?;
-    let plan = stages.time("formats", || -> Result<_, Failure> {
-        let trial = match arguments.textures.tries() {
-            true => Some(textures::Trial {
-                sample: coefficient_sample(
-                    &stack,
-                    fit.solved.pixel_fit(),
-                    machine.level,
-                    textures::TRIAL_BLOCKS,
-                )?,
-                left_out: fit.solved.leave_one_out().left_out.clone(),
-            }),
-            false => None,
-        };
-        arguments.textures.plan(&model, (width, height), &formats, &distributions, trial.as_ref())
-    })?;
-    fit.notes.append(&mut scene_notes);
-    fit.notes.extend(textures::size_note(&plan.packing, width, height));
-    let header = AssetHeader { width, height, model: model.clone(), packing: plan.packing.clone() };
+    let beside = bytes_beside(&[&planned], &fitted, &machine).saturating_add(position_bytes as u64);
+    let stack = stages.time("decode", || load(&fitted, space, &machine, beside, &spill_folder))?;
+    let mut fit = stages.time("solve", || planned.solve(&fitted, &Samples::new(&stack)))?;
     let position_facts = positions.as_ref().map(positions::PositionFacts::of);
+    let check =
+        |outputs: &[PathBuf]| check_apart(outputs.iter().chain(&arguments.report), inputs.iter().copied());
+    let mut made = make(&mut [&mut planned], &fit, &stack, positions, &machine, &mut stages, &check)?;
+    let Made { plan, packed, .. } = made.swap_remove(0);
+    fit.notes.extend(found.as_ref().map(|found| found.why.clone()));
+    fit.notes.append(&mut scene_notes);
+    fit.notes.extend(textures::size_note(&plan.packing, fitted.size().0, fitted.size().1));
     fit.notes.extend(position_facts.as_ref().and_then(|facts| facts.note.clone()));
-    let parts = Parts { split: settings.split, positions: positions.is_some() };
-    let outputs = format.outputs(&arguments.output, &plan.packing, parts).map_err(Failure::of_output)?;
-    check_apart(outputs.iter().chain(&arguments.report), inputs.iter().copied())?;
-    let writer = format.create_with_positions(&arguments.output, header, &settings, positions)?;
-    let bar = progress::bar("fitting", stack.pixels());
-    let packed = stages.time("fit and write", || -> Result<_, Failure> {
-        for_each_span::<Failure>(&stack, fit.solved.pixel_fit(), machine.level, span, |span| {
-            interrupt::check()?;
-            writer.write(span)?;
-            bar.inc(span.pixels as u64);
-            Ok(())
-        })?;
-        Ok(writer.finish()?)
-    })?;
-    bar.finish_and_clear();
     let spilled = stack.spilled_bytes();
     drop(stack);
 
@@ -253,7 +145,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         judged: judged.as_ref(),
         stages: &stages,
         spilled,
-        model: &model,
+        model: &planned.model,
         plan: &plan,
         packed: &packed,
         positions: position_facts.as_ref(),
@@ -265,18 +157,35 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The pictures to fit, and those to judge the fit by.
-fn split(
-    all: &OpenCapture,
+/// The choice that the targets take. What it measures is written to a folder that is gone afterwards.
+fn search(
     arguments: &BakeArguments,
+    opened: &sweep::Opened<'_>,
+    stages: &mut Stages,
+) -> Result<sweep::Found, Failure> {
+    let folder = relight_formats::ScratchFolder::beside(&arguments.output)?;
+    let name = arguments.output.extension().map_or("asset".into(), |extension| {
+        let mut name = std::ffi::OsString::from("asset.");
+        name.push(extension);
+        name
+    });
+    let scratch = folder.path().join(name);
+    sweep::search(opened, &arguments.fit, &arguments.textures, &scratch, stages)
+}
+
+/// The pictures to fit, and those to judge the fit by.
+pub(crate) fn split(
+    all: &OpenCapture,
+    holdout: Option<&Holdout>,
+    photographs: &PhotographOptions,
 ) -> Result<(OpenCapture, Option<OpenCapture>), Failure> {
-    let (kept, judge) = match &arguments.holdout {
+    let (kept, judge) = match holdout {
         None => return Ok((all.clone(), None)),
         Some(Holdout::File(path)) => {
             let mut judge = open_capture(path)?;
             notes::print(&judge.capture.notes);
             evaluate::check_size((all.infos[0].width, all.infos[0].height), &all.capture.light_file, &judge)?;
-            arguments.photographs.apply_to_judges(&mut judge, all)?;
+            photographs.apply_to_judges(&mut judge, all)?;
             let places: Vec<_> = judge.capture.pictures.iter().filter_map(|path| place_of(path)).collect();
             let is_judge = |path: &Path| place_of(path).is_some_and(|place| places.contains(&place));
             let kept: Vec<usize> =
@@ -332,79 +241,4 @@ pub(crate) fn load(
     let stack = PictureStack::load(capture, &settings)?;
     bar.finish_and_clear();
     Ok(stack)
-}
-
-impl BakeArguments {
-    fn space(&self, capture: &OpenCapture) -> Space {
-        match self.space {
-            SpaceChoice::Encoded => Space::Encoded,
-            SpaceChoice::Linear => Space::Linear,
-            SpaceChoice::Auto if capture.is_float() => Space::Linear,
-            SpaceChoice::Auto => Space::Encoded,
-        }
-    }
-
-    fn layout(&self, capture: &OpenCapture) -> Result<Layout, Failure> {
-        let learned = self.learns()?;
-        Ok(match self.color {
-            Color::Rgb | Color::Ycc if learned => Layout::Shared,
-            Color::Lrgb if learned => {
-                return Err(Failure::usage(
-                    "--color lrgb is not for --basis pca and --planes; use rgb or ycc",
-                ));
-            }
-            Color::Ycc => {
-                let message = format!(
-                    "--color ycc belongs to --basis pca and --planes; {} alone has rgb and lrgb",
-                    self.basis
-                );
-                return Err(Failure::usage(message));
-            }
-            Color::Lrgb => Layout::Lrgb,
-            Color::Rgb if capture.is_grey() => Layout::Grey,
-            Color::Rgb => Layout::Rgb,
-        })
-    }
-
-    /// Whether planes are learned.
-    fn learns(&self) -> Result<bool, Failure> {
-        let learned = self.family()?.learned;
-        if learned && self.planes.is_some() {
-            return Err(Failure::usage("--planes is for ptm, sh, hsh and srbf; pca has -k"));
-        }
-        let chooses =
-            [("target-psnr", self.target_psnr.is_some()), ("budget-bytes", self.budget_bytes.is_some())];
-        let chooses = chooses.into_iter().find(|(_, given)| *given && !learned && self.planes.is_none());
-        if let Some((flag, _)) = chooses {
-            let message = format!("--{flag} chooses planes: give --basis pca, or --planes and the most");
-            return Err(Failure::usage(message));
-        }
-        Ok(learned || self.planes.is_some())
-    }
-
-    /// How `planes` planes at most are learned.
-    fn learned_design(&self, planes: usize) -> LearnedDesign {
-        LearnedDesign { planes, opponent: self.color == Color::Ycc, target_psnr: self.target_psnr }
-    }
-
-    /// The number of functions asked for by -k, --order or --degree; `None` for the default.
-    fn asked_count(&self) -> Result<Option<usize>, Failure> {
-        self.functions.asked_count(self.family()?)
-    }
-
-    fn family(&self) -> Result<&'static Family, Failure> {
-        family_of_name(&self.basis)
-    }
-
-    /// The choices of the SRBF family; an error when they are given for another one.
-    fn srbf(&self) -> Result<SrbfDesign, Failure> {
-        self.functions.srbf(&self.basis)
-    }
-
-    fn weighting(&self) -> LightWeights {
-        match self.weights {
-            Weights::Voronoi => LightWeights::Voronoi,
-            Weights::Uniform => LightWeights::Uniform,
-        }
-    }
 }

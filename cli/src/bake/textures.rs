@@ -13,7 +13,7 @@ use relight_texture::{
 };
 
 /// How coefficients become textures.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct TextureOptions {
     /// How coefficients are stored without blocks; u8 by default, f16 in .exr
     #[arg(long, value_name = "PRECISION", value_enum)]
@@ -163,6 +163,38 @@ pub(crate) struct Plan {
 }
 
 impl TextureOptions {
+    /// These options with others for how planes are stored, by their names on the command line.
+    ///
+    /// # Errors
+    /// Exit code 2 for names that there aren't.
+    pub(crate) fn with(
+        &self,
+        precision: Option<&str>,
+        block: Option<&str>,
+        quality: Option<&str>,
+    ) -> Result<Self, Failure> {
+        let refused = |axis: &str, words: String| Failure::usage(format!("--axes {axis}: {words}"));
+        let mut options = self.clone();
+        if let Some(name) = precision {
+            let found = PrecisionChoice::from_str(name, false).map_err(|_| {
+                Failure::usage(format!("--axes precision: '{name}' is not one of u8, f16, f32"))
+            })?;
+            options.precision = Some(found);
+        }
+        if let Some(name) = block {
+            options.block = block_of(name).map_err(|words| refused("block", words))?;
+        }
+        if let Some(name) = quality {
+            options.quality = quality_of(name).map_err(|words| refused("quality", words))?;
+        }
+        Ok(options)
+    }
+
+    /// Whether blocks or a precision are asked for.
+    pub(crate) fn asks_for_storage(&self) -> bool {
+        self.block != BlockChoice::None || self.precision.is_some()
+    }
+
     /// How texels are made.
     ///
     /// # Errors

@@ -1,19 +1,15 @@
 //! The grid of choices: which families, how many functions, how stored.
 
+use crate::bake::textures::TextureOptions;
 use crate::failure::Failure;
+use relight_core::Family;
 use relight_core::basis::FAMILIES;
-use relight_core::{Counts, Family};
 use std::str::FromStr;
 
 /// Numbers of functions that are tried where none are named: few enough for a table, from small to what a capture of
-/// fifty lights carries.
-const COUNTS: [(&str, &[usize]); 5] = [
-    ("ptm", &[6, 10]),
-    ("sh", &[9, 16, 25]),
-    ("hsh", &[9, 16]),
-    ("srbf", &[16, 25]),
-    ("pca", &[9, 18, 27]),
-];
+/// some sixty lights carries.
+const COUNTS: [(&str, &[usize]); 5] =
+    [("ptm", &[6]), ("sh", &[9, 25]), ("hsh", &[16]), ("srbf", &[25, 49]), ("pca", &[9, 18, 27])];
 
 /// What a value of an axis is called on the command line of `bake`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,7 +39,7 @@ impl Default for Axes {
             basis: None,
             counts: None,
             precision: vec![None],
-            block: vec![None, Some("bc7".to_owned())],
+            block: vec![None, Some("bc1".to_owned()), Some("bc7".to_owned())],
             quality: vec![None],
         }
     }
@@ -67,7 +63,9 @@ impl FromStr for Axes {
         let mut seen = Vec::new();
         for part in text.split(',').map(str::trim) {
             let (axis, values) = match part.split_once('=') {
-                Some((axis, values)) => (axis, Some(values.split('/').map(str::to_owned).collect::<Vec<_>>())),
+                Some((axis, values)) => {
+                    (axis, Some(values.split('/').map(str::to_owned).collect::<Vec<_>>()))
+                }
                 None => (part, None),
             };
             if seen.contains(&axis) {
@@ -84,11 +82,14 @@ impl FromStr for Axes {
                         Ok(count) if count > 0 => Ok(count),
                         _ => Err(format!("'{text}' is no number of functions; {forms}")),
                     };
-                    axes.counts = values.map(|values| values.into_iter().map(number).collect()).transpose()?;
+                    axes.counts =
+                        values.map(|values| values.into_iter().map(number).collect()).transpose()?;
                 }
                 "precision" => axes.precision = some(values.unwrap_or_else(|| named(&["u8", "f16"]))),
                 "block" => axes.block = values.map_or(usual.block.clone(), some),
-                "quality" => axes.quality = some(values.unwrap_or_else(|| named(&["fast", "normal", "high"]))),
+                "quality" => {
+                    axes.quality = some(values.unwrap_or_else(|| named(&["fast", "normal", "high"])))
+                }
                 _ => return Err(format!("there is no axis '{axis}'; {forms}")),
             }
         }
@@ -100,6 +101,17 @@ impl FromStr for Axes {
 }
 
 impl Axes {
+    /// The usual axes but for those that options pin.
+    pub(crate) fn free(basis: Option<&str>, count: Option<usize>, textures: &TextureOptions) -> Self {
+        let usual = Self::default();
+        Self {
+            basis: basis.map(|name| vec![name.to_owned()]),
+            counts: count.map(|count| vec![count]),
+            block: if textures.asks_for_storage() { vec![None] } else { usual.block.clone() },
+            ..usual
+        }
+    }
+
     /// The choices, in the order of families, counts, precisions, blocks and qualities.
     ///
     /// # Errors
@@ -107,9 +119,10 @@ impl Axes {
     pub(crate) fn grid(&self) -> Result<Vec<GridPoint>, Failure> {
         let families: Vec<&'static Family> = match &self.basis {
             None => FAMILIES.iter().collect(),
-            Some(names) => {
-                names.iter().map(|name| crate::function_options::family_of_name(name)).collect::<Result<_, _>>()?
-            }
+            Some(names) => names
+                .iter()
+                .map(|name| crate::function_options::family_of_name(name))
+                .collect::<Result<_, _>>()?,
         };
         let mut points = Vec::new();
         for family in families {
@@ -120,7 +133,9 @@ impl Axes {
                             let blocks = block.as_ref().is_some_and(|block| block != "none");
                             // Blocks have a precision of their own, and only they have a quality.
                             let (first_precision, first_quality) = (&self.precision[0], &self.quality[0]);
-                            if (blocks && precision != first_precision) || (!blocks && quality != first_quality) {
+                            if (blocks && precision != first_precision)
+                                || (!blocks && quality != first_quality)
+                            {
                                 continue;
                             }
                             points.push(GridPoint {
@@ -145,10 +160,7 @@ impl Axes {
     }
 
     fn counts_of(&self, family: &Family) -> Vec<usize> {
-        let has = |count: usize| match family.counts {
-            Counts::Listed(list) => list.contains(&count),
-            Counts::UpTo(most) => (1..=most).contains(&count),
-        };
+        let has = |count: usize| family.counts.contains(count);
         match &self.counts {
             Some(counts) if counts.is_empty() => vec![family.default_count],
             Some(counts) => counts.iter().copied().filter(|&count| has(count)).collect(),
@@ -174,8 +186,11 @@ impl GridPoint {
 
     /// The options of `bake` that make it.
     pub(crate) fn flags(&self) -> Vec<String> {
-        let mut flags = vec!["--basis".to_owned(), self.basis.to_owned(), "-k".to_owned(), self.count.to_string()];
-        for (flag, value) in [("--precision", &self.precision), ("--block", &self.block), ("--quality", &self.quality)] {
+        let mut flags =
+            vec!["--basis".to_owned(), self.basis.to_owned(), "-k".to_owned(), self.count.to_string()];
+        for (flag, value) in
+            [("--precision", &self.precision), ("--block", &self.block), ("--quality", &self.quality)]
+        {
             flags.extend(value.iter().flat_map(|value| [flag.to_owned(), value.clone()]));
         }
         flags
@@ -192,7 +207,8 @@ mod tests {
 
     #[test]
     fn every_axis_varies_alone_or_with_values() {
-        assert_eq!(names("k"), ["ptm-6", "ptm-10"]);
+        assert_eq!(names("k"), ["ptm-6"]);
+        assert_eq!(names("k=6/9/10"), ["ptm-6", "ptm-10"]);
         assert_eq!(names("basis=sh/srbf,k=9/16/18"), ["sh-9", "sh-16", "srbf-9", "srbf-16", "srbf-18"]);
         assert_eq!(names("basis=hsh,block=none/bc1"), ["hsh-9", "hsh-9-bc1"]);
         assert_eq!(names("precision"), ["ptm-6-u8", "ptm-6-f16"]);
@@ -200,8 +216,8 @@ mod tests {
         let both = names("precision=u8/f16,block=none/bc7,quality=fast/best");
         assert_eq!(both, ["ptm-6-u8", "ptm-6-bc7-fast", "ptm-6-bc7-best", "ptm-6-f16"]);
         let usual = Axes::default().grid().unwrap();
-        assert_eq!(usual.len(), 24);
-        assert_eq!(usual[3].flags(), ["--basis", "ptm", "-k", "10", "--block", "bc7"]);
+        assert_eq!(usual.len(), 27);
+        assert_eq!(usual[5].flags(), ["--basis", "sh", "-k", "9", "--block", "bc7"]);
     }
 
     #[test]

@@ -173,6 +173,14 @@ impl Packing {
         needs_rows(self.formats(), self.levels)
     }
 
+    /// Bytes of the texels of all layers and levels of a picture of `width` x `height` pixels, without padding.
+    pub fn texel_bytes(&self, width: usize, height: usize) -> u64 {
+        let layer = |format: TexelFormat| -> u64 {
+            (0..self.levels).map(|l| format.layer_bytes(level_size(width, l), level_size(height, l))).sum()
+        };
+        self.arrays.iter().map(|array| layer(array.format) * array.layers.len() as u64).sum()
+    }
+
     /// Bytes of level 0 a pixel, over all layers, without padding.
     pub fn bits_per_pixel(&self) -> f64 {
         self.arrays.iter().map(|array| array.format.bits() * array.layers.len() as f64).sum()

@@ -1,0 +1,254 @@
+//! The steps from options to assets, each for one asset or for several that share it.
+
+use super::Stages;
+use super::fit::{self, BakeFit, Choice};
+use super::fit_options::FitOptions;
+use super::textures::{self, Plan, TextureOptions};
+use crate::failure::Failure;
+use crate::options::Machine;
+use crate::{interrupt, progress};
+use relight_core::{Layout, Model, Space, Stack};
+use relight_fit::{
+    ChannelSample, FitError, Misfit, Sample, coefficient_distributions, coefficient_sample, for_each_span,
+    misfits, span_bytes,
+};
+use relight_formats::{
+    AssetFormat, AssetHeader, AssetPlan, AssetPositions, OpenCapture, Parts, PictureStack, WriteSettings,
+};
+use relight_texture::{
+    PackReport, TexelFormat, level_size, needs_rows, planes_of_layers, span_pixels, working_bytes,
+};
+use std::cell::OnceCell;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+/// An asset that is to be made of pictures: what is known before they are decoded.
+pub(crate) struct Planned<'a> {
+    pub(crate) output: PathBuf,
+    pub(crate) model: Model,
+    format: &'static AssetFormat,
+    settings: WriteSettings,
+    fit: &'a FitOptions,
+    textures: &'a TextureOptions,
+    size: (usize, usize),
+    formats: Vec<TexelFormat>,
+    levels: usize,
+    choice: Choice,
+}
+
+/// An asset that was made.
+pub(crate) struct Made {
+    pub(crate) plan: Plan,
+    pub(crate) packed: PackReport,
+    /// Its files.
+    pub(crate) files: Vec<PathBuf>,
+    /// Seconds of all threads together in which it was written.
+    pub(crate) write_seconds: f64,
+}
+
+/// What of the pictures decides a fit, taken once for all fits.
+pub(crate) struct Samples<'a> {
+    stack: &'a dyn Stack,
+    pictures: OnceCell<Sample>,
+    channels: OnceCell<ChannelSample>,
+    misfits: OnceCell<Vec<Misfit>>,
+}
+
+impl<'a> Samples<'a> {
+    pub(crate) fn new(stack: &'a dyn Stack) -> Self {
+        Self { stack, pictures: OnceCell::new(), channels: OnceCell::new(), misfits: OnceCell::new() }
+    }
+
+    pub(super) fn pictures(&self) -> Result<&Sample, Failure> {
+        taken(&self.pictures, || Ok(Sample::of(self.stack).map_err(FitError::from)?))
+    }
+
+    pub(super) fn channels(&self) -> Result<&ChannelSample, Failure> {
+        taken(&self.channels, || Ok(ChannelSample::of(self.stack).map_err(FitError::from)?))
+    }
+
+    /// The pictures that don't fit their light, by the first sample that is asked about.
+    pub(super) fn misfits(&self, capture: &OpenCapture, sample: &Sample) -> Result<&[Misfit], Failure> {
+        taken(&self.misfits, || Ok(misfits(&capture.capture.lights, sample)?)).map(Vec::as_slice)
+    }
+}
+
+fn taken<T>(cell: &OnceCell<T>, take: impl FnOnce() -> Result<T, Failure>) -> Result<&T, Failure> {
+    if let Some(value) = cell.get() {
+        return Ok(value);
+    }
+    let value = take()?;
+    interrupt::check()?;
+    Ok(cell.get_or_init(|| value))
+}
+
+impl<'a> Planned<'a> {
+    /// Everything about the asset at `output` that options and lights decide.
+    ///
+    /// # Errors
+    /// Exit code 2 for options that exclude each other, 5 where --budget-bytes holds nothing.
+    pub(crate) fn new(
+        output: &Path,
+        fit: &'a FitOptions,
+        textures: &'a TextureOptions,
+        capture: &OpenCapture,
+        space: Space,
+        machine: &Machine,
+    ) -> Result<Self, Failure> {
+        let format = AssetFormat::by_path(output).map_err(Failure::of_output)?;
+        let settings = textures.settings(machine.memory)?;
+        let layout = fit.layout(capture)?;
+        let size = capture.size();
+        let formats = textures.formats(format.precisions[0], format, layout)?;
+        let levels = textures.levels(size.0, size.1);
+        let mut choice = fit::choose_basis(fit, capture)?;
+        if let Some(budget) = fit.budget_bytes() {
+            choice.keep_within(budget, &formats, size, levels)?;
+        }
+        let lights = capture.capture.lights.directions();
+        let model = Model { basis: choice.stored()?, layout, space, lights, figures: None };
+        let output = output.to_owned();
+        let planned = Self { output, model, format, settings, fit, textures, size, formats, levels, choice };
+        format.check(&planned.output, &planned.asset_plan(), &settings).map_err(Failure::of_output)?;
+        Ok(planned)
+    }
+
+    fn asset_plan(&self) -> AssetPlan<'_> {
+        let (width, height) = self.size;
+        AssetPlan { width, height, model: &self.model, formats: &self.formats, levels: self.levels }
+    }
+
+    /// Bytes of its texels in all levels, of the first of the formats that it may have.
+    pub(crate) fn texel_bytes(&self) -> u64 {
+        let Some(&format) = self.formats.first() else { return 0 };
+        let layer = |l: usize| format.layer_bytes(level_size(self.size.0, l), level_size(self.size.1, l));
+        let layers = planes_of_layers(&self.model, format).len() as u64;
+        layers * (0..self.levels).map(layer).sum::<u64>()
+    }
+
+    /// Pixels of a span that suits its writer.
+    fn span_pixels(&self) -> usize {
+        span_pixels(self.size.0, needs_rows(self.formats.iter().copied(), self.levels))
+    }
+
+    /// The layout of its planes.
+    pub(crate) fn layout(&self) -> Layout {
+        self.model.layout
+    }
+
+    /// Solves its fit and examines it.
+    pub(crate) fn solve(&self, capture: &OpenCapture, samples: &Samples<'_>) -> Result<BakeFit, Failure> {
+        fit::solve(self.fit, &self.choice, capture, self.layout(), samples)
+    }
+}
+
+/// Bytes that assets which share a fit take beside the pictures of `capture` while they are made.
+pub(crate) fn bytes_beside(assets: &[&Planned<'_>], capture: &OpenCapture, machine: &Machine) -> u64 {
+    let span = common_span(assets);
+    let held = assets.iter().map(|asset| asset.format.held_bytes(&asset.asset_plan(), &asset.settings));
+    let working = assets
+        .iter()
+        .map(|asset| working_bytes(asset.formats.iter().copied(), asset.model.plane_count(), span));
+    let maps = assets.iter().map(|asset| asset.model.maps()).max().unwrap_or(0);
+    let spans =
+        machine.threads as u64 * (span_bytes(capture.infos.len(), maps, span) + working.max().unwrap_or(0));
+    let solving = assets.iter().map(|asset| asset.choice.solving_bytes(capture)).max().unwrap_or(0);
+    // Fitting begins when what it takes to solve is gone.
+    held.fold(0, u64::saturating_add).saturating_add(spans.max(solving))
+}
+
+/// A span that suits all writers: whole rows of blocks suit those that take any run.
+fn common_span(assets: &[&Planned<'_>]) -> usize {
+    let with_rows = assets.iter().find(|asset| needs_rows(asset.formats.iter().copied(), asset.levels));
+    with_rows.or(assets.first()).map_or(1, |asset| asset.span_pixels())
+}
+
+/// Makes assets of one fit: its coefficients are computed once for all of them.
+///
+/// The first gets `positions`; `check` is asked about the files of each before the first is begun.
+pub(crate) fn make(
+    assets: &mut [&mut Planned<'_>],
+    fit: &BakeFit,
+    stack: &PictureStack,
+    mut positions: Option<AssetPositions>,
+    machine: &Machine,
+    stages: &mut Stages,
+    check: &dyn Fn(&[PathBuf]) -> Result<(), Failure>,
+) -> Result<Vec<Made>, Failure> {
+    for asset in assets.iter_mut() {
+        asset.model.basis = fit.solved.basis();
+        asset.model.figures = Some(fit.solved.figures());
+    }
+    let assets: Vec<&Planned<'_>> = assets.iter().map(|asset| &**asset).collect();
+    let needs_ranges = |asset: &&Planned<'_>| asset.formats.iter().any(|&f| asset.format.needs_ranges(f));
+    let distributions = stages.time("ranges", || match assets.iter().any(needs_ranges) {
+        true => coefficient_distributions::<Failure>(stack, fit.solved.pixel_fit(), machine.level, || {
+            Ok(interrupt::check()?)
+        }),
+        false => Ok(Vec::new()),
+    })?;
+    let plans = stages.time("formats", || -> Result<Vec<_>, Failure> {
+        let trial = match assets.iter().any(|asset| asset.textures.tries()) {
+            true => Some(textures::Trial {
+                sample: coefficient_sample(
+                    stack,
+                    fit.solved.pixel_fit(),
+                    machine.level,
+                    textures::TRIAL_BLOCKS,
+                )?,
+                left_out: fit.solved.leave_one_out().left_out.clone(),
+            }),
+            false => None,
+        };
+        let plan = |asset: &&Planned<'_>| {
+            let distributions = if needs_ranges(asset) { &distributions[..] } else { &[] };
+            let trial = trial.as_ref().filter(|_| asset.textures.tries());
+            asset.textures.plan(&asset.model, asset.size, &asset.formats, distributions, trial)
+        };
+        assets.iter().map(plan).collect()
+    })?;
+    let mut files = Vec::new();
+    for (asset, plan) in assets.iter().zip(&plans) {
+        let parts = Parts { split: asset.settings.split, positions: positions.is_some() && files.is_empty() };
+        let outputs =
+            asset.format.outputs(&asset.output, &plan.packing, parts).map_err(Failure::of_output)?;
+        check(&outputs)?;
+        files.push(outputs);
+    }
+    let mut writers = Vec::new();
+    for (asset, plan) in assets.iter().zip(&plans) {
+        let (width, height) = asset.size;
+        let header = AssetHeader { width, height, model: asset.model.clone(), packing: plan.packing.clone() };
+        let positions = positions.take();
+        writers.push((
+            asset.format.create_with_positions(&asset.output, header, &asset.settings, positions)?,
+            AtomicU64::new(0),
+        ));
+    }
+    let bar = progress::bar("fitting", stack.pixels());
+    let packed = stages.time("fit and write", || -> Result<Vec<_>, Failure> {
+        let span = common_span(&assets);
+        for_each_span::<Failure>(stack, fit.solved.pixel_fit(), machine.level, span, |span| {
+            for (writer, nanoseconds) in &writers {
+                interrupt::check()?;
+                let start = Instant::now();
+                writer.write(span)?;
+                nanoseconds.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
+            }
+            bar.inc(span.pixels as u64);
+            Ok(())
+        })?;
+        let finish = |(writer, nanoseconds): (Box<dyn relight_formats::AssetWriter>, AtomicU64)| {
+            let start = Instant::now();
+            let packed = writer.finish()?;
+            Ok((packed, nanoseconds.into_inner() as f64 * 1e-9 + start.elapsed().as_secs_f64()))
+        };
+        writers.into_iter().map(finish).collect()
+    })?;
+    bar.finish_and_clear();
+    let made = plans.into_iter().zip(packed).zip(files);
+    Ok(made
+        .map(|((plan, (packed, write_seconds)), files)| Made { plan, packed, files, write_seconds })
+        .collect())
+}

@@ -1,0 +1,223 @@
+//! What a sweep found: the fronts, the choice that the targets take, report.json and a table.
+
+use super::front::{best_within, cheapest, front};
+use super::outcome::Outcome;
+use crate::bake::{Stages, TargetOptions};
+use crate::failure::{Exit, Failure};
+use crate::say::say;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Which choices no other one beats, by what they cost: bytes of texels, nanoseconds of relighting a pixel, and seconds
+/// of baking.
+pub(crate) struct Fronts {
+    pub(crate) bytes: Vec<bool>,
+    pub(crate) time: Vec<bool>,
+    pub(crate) bake: Vec<bool>,
+}
+
+impl Fronts {
+    pub(crate) fn of(outcomes: &[Outcome]) -> Self {
+        let by = |cost: &dyn Fn(&Outcome) -> f64| {
+            front(&outcomes.iter().map(|outcome| (cost(outcome), outcome.psnr)).collect::<Vec<_>>())
+        };
+        Self {
+            bytes: by(&|outcome| outcome.texel_bytes as f64),
+            time: by(&|outcome| outcome.times.directional_ns),
+            bake: by(&|outcome| outcome.times.bake_seconds()),
+        }
+    }
+
+    /// Whether a choice is on the front of bytes or of relighting time.
+    pub(crate) fn has(&self, index: usize) -> bool {
+        self.bytes[index] || self.time[index]
+    }
+}
+
+/// The choice that the targets take, and why, or that none reaches them.
+pub(crate) enum Chosen {
+    /// There are no targets.
+    NotAsked,
+    Found {
+        index: usize,
+        why: String,
+    },
+    Missed {
+        why: String,
+    },
+}
+
+/// Decides by bytes of texels.
+pub(crate) fn chosen(outcomes: &[Outcome], targets: &TargetOptions) -> Chosen {
+    if !targets.any() {
+        return Chosen::NotAsked;
+    }
+    let budget = targets.budget_bytes.map_or(f64::INFINITY, |budget| budget.0 as f64);
+    let points: Vec<(f64, f64)> =
+        outcomes.iter().map(|o| (o.texel_bytes as f64, targets.quality(o.psnr, o.rmse))).collect();
+    let least = targets.least();
+    let found = match least {
+        Some(least) => cheapest(&points, least).filter(|&index| points[index].0 <= budget),
+        None => best_within(&points, budget),
+    };
+    let of = |index: usize| {
+        let outcome = &outcomes[index];
+        format!(
+            "{} reaches {:.2} dB (RMSE {:.4}) in {} bytes of texels",
+            outcome.name, outcome.psnr, outcome.rmse, outcome.texel_bytes
+        )
+    };
+    match found {
+        Some(index) => {
+            let why = if least.is_some() { "the fewest bytes that reach" } else { "the best within" };
+            Chosen::Found { index, why: format!("{}: {why} the target", of(index)) }
+        }
+        None => {
+            let best = best_within(&points, budget).or(best_within(&points, f64::INFINITY));
+            let best =
+                best.map_or("there is no choice at all".to_owned(), |i| format!("the best, {}", of(i)));
+            Chosen::Missed { why: format!("no choice reaches {}; {best}", targets.words()) }
+        }
+    }
+}
+
+/// Everything that a sweep tells.
+pub(crate) struct Summary<'a> {
+    pub(crate) input: &'a Path,
+    pub(crate) size: (usize, usize),
+    pub(crate) pictures: usize,
+    /// Pictures left out to judge by.
+    pub(crate) judged: Option<usize>,
+    pub(crate) outcomes: &'a [Outcome],
+    pub(crate) fronts: &'a Fronts,
+    pub(crate) chosen: Chosen,
+    pub(crate) stages: &'a Stages,
+    /// Choices that this run measured; the others are of an earlier one.
+    pub(crate) measured: usize,
+    pub(crate) skipped: &'a [String],
+}
+
+impl Summary<'_> {
+    /// Seconds of this run, and of baking each choice alone.
+    fn seconds(&self) -> (f64, f64) {
+        let alone = self.outcomes.iter().map(|outcome| outcome.times.bake_seconds()).sum();
+        (self.stages.0.iter().map(|(_, seconds)| seconds).sum(), alone)
+    }
+
+    /// The report as JSON text; docs/schema/sweep.schema.json says what it has.
+    pub(crate) fn json(&self) -> String {
+        let pixels = (self.size.0 * self.size.1) as f64;
+        let choice = |(index, outcome): (usize, &Outcome)| {
+            let lights: Vec<Value> = outcome
+                .lights
+                .iter()
+                .map(|light| json!({ "name": light.name, "rmse": light.rmse }))
+                .collect();
+            let stages: serde_json::Map<String, Value> =
+                outcome.times.stages.iter().map(|(name, seconds)| (name.clone(), json!(seconds))).collect();
+            json!({
+                "name": outcome.name,
+                "options": outcome.options,
+                "basis": outcome.basis,
+                "k": outcome.k,
+                "planes": outcome.planes,
+                "formats": outcome.formats,
+                "psnr": outcome.psnr,
+                "rmse": outcome.rmse,
+                "fit_rmse": outcome.fit_rmse,
+                "storing_rmse": outcome.storing_rmse,
+                "lights": lights,
+                "texel_bytes": outcome.texel_bytes,
+                "file_bytes": outcome.file_bytes,
+                "gpu_bytes_per_pixel": outcome.texel_bytes as f64 / pixels,
+                "disk_bytes_per_pixel": outcome.file_bytes as f64 / pixels,
+                "seconds": stages,
+                "bake_seconds": outcome.times.bake_seconds(),
+                "directional_ns": outcome.times.directional_ns,
+                "point_ns": outcome.times.point_ns,
+                "gpu_ns": outcome.times.gpu_ns,
+                "front": {
+                    "bytes": self.fronts.bytes[index],
+                    "time": self.fronts.time[index],
+                    "bake": self.fronts.bake[index],
+                },
+            })
+        };
+        let (own, alone) = self.seconds();
+        let (chosen, why) = match &self.chosen {
+            Chosen::NotAsked => (None, None),
+            Chosen::Found { index, why } => (Some(&self.outcomes[*index].name), Some(why)),
+            Chosen::Missed { why } => (None, Some(why)),
+        };
+        let stages: Vec<Value> = self
+            .stages
+            .0
+            .iter()
+            .map(|(name, seconds)| json!({ "stage": name, "seconds": seconds }))
+            .collect();
+        let report = json!({
+            "relight": env!("CARGO_PKG_VERSION"),
+            "kind": "sweep",
+            "input": self.input.to_string_lossy(),
+            "width": self.size.0,
+            "height": self.size.1,
+            "pictures": self.pictures,
+            "judged_by": match self.judged { Some(_) => "left-out pictures", None => "leave-one-out" },
+            "judges": self.judged,
+            "choices": self.outcomes.iter().enumerate().map(choice).collect::<Vec<_>>(),
+            "chosen": chosen,
+            "why": why,
+            "notes": self.skipped,
+            "measured": self.measured,
+            "seconds": own,
+            "seconds_alone": alone,
+            "stages": stages,
+        });
+        format!("{report:#}\n")
+    }
+
+    /// Prints a table, or only where the report is where lines of JSON went before.
+    pub(crate) fn print(&self, folder: &Path, json: bool) {
+        if json {
+            return;
+        }
+        say!("front  choice              dB     RMSE  bytes/px  on disk  bake s  ns/px  point ns");
+        let pixels = (self.size.0 * self.size.1) as f64;
+        for (index, o) in self.outcomes.iter().enumerate() {
+            let mark = |is: &[bool], mark: char| if is[index] { mark } else { '-' };
+            say!(
+                "{}{}{}    {:<16} {:6.2}  {:.4}  {:8.2} {:8.2}  {:6.2} {:6.1}  {:8.1}",
+                mark(&self.fronts.bytes, 'b'),
+                mark(&self.fronts.time, 't'),
+                mark(&self.fronts.bake, 's'),
+                o.name,
+                o.psnr,
+                o.rmse,
+                o.texel_bytes as f64 / pixels,
+                o.file_bytes as f64 / pixels,
+                o.times.bake_seconds(),
+                o.times.directional_ns,
+                o.times.point_ns,
+            );
+        }
+        say!("fronts: b fewest bytes of texels, t least time to relight a pixel, s fewest seconds to bake");
+        let (own, alone) = self.seconds();
+        let judged = match self.judged {
+            Some(pictures) => format!("{pictures} pictures left out"),
+            None => "predicting each light from the others, and storing".to_owned(),
+        };
+        say!("judged by {judged}; {own:.1} s for {} choices, {alone:.1} s one by one", self.measured);
+        if let Chosen::Found { why, .. } = &self.chosen {
+            say!("{why}");
+        }
+        say!("{}", folder.join("report.json").display());
+    }
+
+    /// Fails where no choice reaches the targets.
+    pub(crate) fn check(&self) -> Result<(), Failure> {
+        match &self.chosen {
+            Chosen::Missed { why } => Err(Failure::new(Exit::CheckFailed, why.clone())),
+            Chosen::NotAsked | Chosen::Found { .. } => Ok(()),
+        }
+    }
+}
