@@ -13,11 +13,8 @@ const TILED: WriteSettings = WriteSettings { jpeg_quality: Some(100), deepzoom: 
 const SIZE: (usize, usize) = (530, 301);
 
 fn codes(maps: &RelightingMaps) -> Vec<&[u8]> {
-    let of_plane = |texels| match texels {
-        &Texels::U8(ref codes) => &codes[..],
-        _ => panic!("codes"),
-    };
-    maps.planes.iter().map(|plane| of_plane(&plane.texels)).collect()
+    let texels = maps.planes.iter().map(|plane| &plane.texels);
+    texels.map(|texels| if let Texels::U8(codes) = texels { &codes[..] } else { panic!("codes") }).collect()
 }
 
 /// Width, height and R, G, B of a tile, by the decoder of pictures.
