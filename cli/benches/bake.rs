@@ -162,6 +162,7 @@ fn stages(set: &Path, family: &str, count: usize) {
         zstd: None,
         split: false,
         jpeg_quality: None,
+        deepzoom: false,
         memory_limit: 1 << 30,
     };
     let (written, ()) = timed(|| {

@@ -191,6 +191,10 @@ fn base_colours_learned_planes_and_other_spaces_are_fitted_to_pictures() {
         (Some("encoded"), Some("linear"))
     );
     assert!(number(&done, "loss.psnr") > 20.0, "{}", done["loss"]);
+    bake(here, "learned.exr", "--basis pca -k 9 --space linear");
+    let done = relight(here, "convert learned.exr -o c.web --json").ok().json();
+    assert_eq!(done["way"].as_str(), Some("learned from its pictures"));
+    assert!(number(&done, "loss.psnr") > 25.0, "{}", done["loss"]);
     // Luminance times base colour is multiplied out, exactly.
     bake(here, "l.ktx2", "--color lrgb --precision f32");
     let done = relight(here, "convert l.ktx2 -o m.ktx2 --color rgb --json").ok().json();

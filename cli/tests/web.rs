@@ -181,3 +181,26 @@ fn the_folder_of_another_program_is_drawn() {
         assert!(alike > 80.0, "{alike} dB");
     }
 }
+
+#[test]
+fn a_bake_in_tiles_is_relit_as_one_without() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    copy_icon72(&here.join("capture"), 6);
+    relight(here, "bake capture -o whole.web").ok();
+    relight(here, "bake capture -o tiled.web --deepzoom").ok();
+    relight(here, "convert whole.web -o again.web --deepzoom").ok();
+    let picture = |asset: &str| {
+        relight(here, &format!("render {asset} -o {asset}.png --light 0.3,-0.4,0.8")).ok();
+        read_png(&here.join(format!("{asset}.png"))).0.samples
+    };
+    let whole = picture("whole.web");
+    // 402 x 395 pixels are four tiles.
+    for asset in ["tiled.web", "again.web"] {
+        assert_eq!(names_in(&here.join(format!("{asset}/plane_5_files/9"))).len(), 4, "{asset}");
+        let same = psnr(&picture(asset), &whole);
+        assert!(same > 45.0, "{asset}: {same} dB");
+    }
+    let refused = ["--deepzoom", "ptm holds no tiles"];
+    relight(here, "convert whole.web -o a.ptm --deepzoom").assert_refused(2, &refused[1..]);
+}

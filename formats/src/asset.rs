@@ -34,6 +34,7 @@ mod web_functions;
 mod web_info;
 mod web_jpeg;
 mod web_reader;
+mod web_tiles;
 mod zstandard;
 
 pub use function_table::write_function_table;
@@ -93,6 +94,8 @@ pub struct WriteSettings {
     pub split: bool,
     /// Quality of planes in JPEG, 1 to 100; `None` for bytes as they are.
     pub jpeg_quality: Option<u8>,
+    /// Whether planes in JPEG are cut into the tiles of Deep Zoom, in folders only.
+    pub deepzoom: bool,
     /// Bytes; concerns the formats that can't be streamed (exr, planes in JPEG).
     pub memory_limit: u64,
 }
@@ -396,6 +399,8 @@ impl AssetFormat {
             Some(format!("{name} holds no mip levels; write .ktx2 or .dds"))
         } else if settings.split && !self.textures {
             Some(format!("{name} holds all maps in one file; write .ktx2 or .dds to split them"))
+        } else if settings.deepzoom && !self.folder {
+            Some(format!("{name} holds no tiles of Deep Zoom; write .web"))
         } else if settings.zstd.is_some() && !self.zstd {
             Some(format!("{name} knows no Zstandard; write .ktx2"))
         } else if let Some(level) = settings.zstd.filter(|level| !zstandard::LEVELS.contains(level)) {

@@ -44,12 +44,17 @@ pub(crate) struct OutputFolder {
 
 impl OutputFolder {
     /// Starts a folder that will stand at `path`. A folder that stands there is replaced where it is empty, or
-    /// where it has all of `marks` and nothing but files whose names `is_own` accepts.
+    /// where it has one of each of `marks` and nothing but files whose names `is_own` accepts, those in folders
+    /// as `folder/file`.
     ///
     /// # Errors
     /// [`FormatError::Io`] when the folder around it is missing or can't be written to, [`FormatError::Invalid`]
     /// when something else stands at `path`.
-    pub(crate) fn create(path: &Path, marks: &[&str], is_own: fn(&str) -> bool) -> Result<Self, FormatError> {
+    pub(crate) fn create(
+        path: &Path,
+        marks: &[&[&str]],
+        is_own: fn(&str) -> bool,
+    ) -> Result<Self, FormatError> {
         let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let Some(name) = target.file_name() else {
             return Err(FormatError::invalid(path, "is not the name of a folder; name one to write"));
@@ -72,6 +77,16 @@ impl OutputFolder {
     /// [`FormatError::Io`], for instance on a full disk.
     pub(crate) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FormatError> {
         fs::write(self.temporary.path().join(name), bytes).map_err(|e| self.write_error(e))
+    }
+
+    /// Writes a file in a folder below, whole; folders are made.
+    ///
+    /// # Errors
+    /// As of [`Self::write`].
+    pub(crate) fn write_below(&self, name: &Path, bytes: &[u8]) -> Result<(), FormatError> {
+        let path = self.temporary.path().join(name);
+        let folder = path.parent().unwrap_or(Path::new("."));
+        fs::create_dir_all(folder).and_then(|()| fs::write(&path, bytes)).map_err(|e| self.write_error(e))
     }
 
     /// Puts the folder in its place. What stood there is moved aside before and removed afterwards.
@@ -108,31 +123,50 @@ fn hidden_folder(name: &OsStr, around: &Path) -> io::Result<TempDir> {
     hidden(name, 0o777, |builder| builder.tempdir_in(around))
 }
 
+/// Folders in folders that are looked into.
+const DEPTH: usize = 3;
+
+/// The names of all files below `folder`, with their folders before them; what is neither file nor folder, too
+/// deep or an empty folder counts by its own name.
+fn names_below(folder: &Path, before: &str, depth: usize) -> io::Result<Vec<String>> {
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = format!("{before}{}", entry.file_name().to_string_lossy());
+        if entry.file_type()?.is_file() {
+            names.push(name);
+            continue;
+        }
+        let within = format!("{name}/");
+        let inner = match entry.file_type()?.is_dir() && depth < DEPTH {
+            true => names_below(&entry.path(), &within, depth + 1)?,
+            false => Vec::new(),
+        };
+        names.extend(if inner.is_empty() { vec![within] } else { inner });
+    }
+    names.sort();
+    Ok(names)
+}
+
 fn check_replaceable(
     path: &Path,
     target: &Path,
-    marks: &[&str],
+    marks: &[&[&str]],
     is_own: fn(&str) -> bool,
 ) -> Result<(), FormatError> {
     let Ok(metadata) = fs::metadata(target) else { return Ok(()) };
     if !metadata.is_dir() {
         return Err(FormatError::invalid(path, "is a file; name a folder to write, or remove the file"));
     }
-    let failed = |e| FormatError::io(path, "read", e);
-    let mut names = Vec::new();
-    for entry in fs::read_dir(target).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        let name = entry.file_name().to_string_lossy().into_owned();
-        if !is_own(&name) || !entry.file_type().map_err(failed)?.is_file() {
-            let problem = format!(
-                "would be replaced, but holds {name}, which is no part of an asset; name another folder"
-            );
-            return Err(FormatError::invalid(path, problem));
-        }
-        names.push(name);
+    let names = names_below(target, "", 0).map_err(|e| FormatError::io(path, "read", e))?;
+    if let Some(name) = names.iter().find(|name| !is_own(name)) {
+        let problem =
+            format!("would be replaced, but holds {name}, which is no part of an asset; name another folder");
+        return Err(FormatError::invalid(path, problem));
     }
-    match marks.iter().find(|mark| !names.iter().any(|name| name == *mark)) {
+    match marks.iter().find(|mark| !names.iter().any(|name| mark.contains(&name.as_str()))) {
         Some(mark) if !names.is_empty() => {
+            let mark = mark.join(" or ");
             let problem =
                 format!("would be replaced, but is no asset, for it has no {mark}; name another folder");
             Err(FormatError::invalid(path, problem))
@@ -145,7 +179,7 @@ fn check_replaceable(
 mod tests {
     use super::*;
 
-    const MARKS: [&str; 2] = ["a", "b"];
+    const MARKS: [&[&str]; 2] = [&["a"], &["b", "B"]];
 
     fn create(path: &Path) -> Result<OutputFolder, FormatError> {
         OutputFolder::create(path, &MARKS, |name| name.len() == 1)
@@ -192,14 +226,16 @@ mod tests {
             assert!(error.contains(words), "{error}");
         };
         fs::write(path.join("a"), "").unwrap();
-        refused("it has no b");
+        refused("it has no b or B");
         fs::write(path.join("b"), "").unwrap();
         create(&path).unwrap();
         fs::write(path.join("photo.jpg"), "").unwrap();
         refused("holds photo.jpg");
         fs::remove_file(path.join("photo.jpg")).unwrap();
         fs::create_dir(path.join("d")).unwrap();
-        refused("holds d");
+        refused("holds d/");
+        fs::write(path.join("d/long"), "").unwrap();
+        refused("holds d/long");
         fs::remove_dir_all(&path).unwrap();
         fs::write(&path, "").unwrap();
         refused("is a file");

@@ -52,6 +52,9 @@ pub(crate) struct TextureOptions {
     /// Compress the planes of .ptm by JPEG, at a quality from 1 to 100; those of .web always are, at 95 by default
     #[arg(long, value_name = "QUALITY", value_parser = clap::value_parser!(u8).range(1..=100))]
     jpeg_quality: Option<u8>,
+    /// Cut the planes of .web into tiles (Deep Zoom, 256 x 256 with overlap), for large pictures
+    #[arg(long)]
+    deepzoom: bool,
     /// Write a file for each map, as three.js and Godot load them
     #[arg(long)]
     split: bool,
@@ -221,6 +224,7 @@ impl TextureOptions {
             zstd: self.zstd,
             split: self.split,
             jpeg_quality: self.jpeg_quality,
+            deepzoom: self.deepzoom,
             memory_limit,
         })
     }

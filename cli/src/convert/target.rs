@@ -5,10 +5,9 @@ use super::ConvertArguments;
 use crate::bake::Color;
 use crate::failure::Failure;
 use crate::function_options::family_of_name;
-use crate::interrupt;
 use crate::options::Machine;
 use relight_core::basis::{FAMILIES, Learned};
-use relight_core::sphere::{Cap, fibonacci_in};
+use relight_core::sphere::fibonacci_in;
 use relight_core::{Basis, Design, LightSet};
 use relight_core::{Family, Layout, Model, RelightingMaps, Space, Stack};
 use relight_fit::{
@@ -23,12 +22,20 @@ const PICTURES: usize = 256;
 /// The same for planes to be learned from, whose moments grow with the square of the pictures.
 const PICTURES_TO_LEARN_FROM: usize = 128;
 
+/// The functions of light that an asset gets.
+#[derive(Clone)]
+enum Functions {
+    /// These.
+    Of(Basis),
+    /// Those of so many planes at most that carry most of what these functions make.
+    Factored(Basis, usize),
+    /// Those of so many planes at most that are learned from pictures.
+    Learned(usize),
+}
+
 /// What an asset becomes.
 pub(super) struct Target {
-    /// The functions that are fitted; `None` where planes are learned from pictures alone.
-    basis: Option<Basis>,
-    /// Planes at most, where they are learned.
-    planes: Option<usize>,
+    functions: Functions,
     pub(super) layout: Layout,
     space: Space,
 }
@@ -36,9 +43,11 @@ pub(super) struct Target {
 impl Target {
     /// The model as it will be stored; learned functions are blank as yet.
     pub(super) fn model(&self, from: &Model) -> Result<Model, Failure> {
-        let basis = match (&self.basis, self.planes) {
-            (Some(basis), None) => basis.clone(),
-            (_, planes) => Basis::Learned(Learned::blank(planes.unwrap_or(1), from.channels())?),
+        let basis = match &self.functions {
+            Functions::Of(basis) => basis.clone(),
+            Functions::Factored(_, planes) | Functions::Learned(planes) => {
+                Basis::Learned(Learned::blank(*planes, from.channels())?)
+            }
         };
         let kept = basis == from.basis && self.space == from.space;
         Ok(Model {
@@ -60,13 +69,17 @@ pub(super) fn choose(
     from: &Model,
     check: impl Fn(&Model) -> Result<(), FormatError>,
 ) -> Result<Target, Failure> {
-    let learned = |layout: Layout| layout == Layout::Shared;
     let mut refused = None;
-    for (basis, planes) in bases(arguments, from)? {
-        let shared = planes.is_some() || basis == Some(from.basis.clone()) && learned(from.layout);
+    for functions in functions_of(arguments, from)? {
+        let shared = !matches!(&functions, Functions::Of(basis) if !basis.family().learned);
         for space in [from.space, other(from.space)] {
+            let functions = match &functions {
+                // In the other space they are others.
+                Functions::Of(Basis::Learned(_)) if space != from.space => Functions::Learned(from.maps()),
+                functions => functions.clone(),
+            };
             for layout in layouts(arguments.color, from, shared)? {
-                let target = Target { basis: basis.clone(), planes, layout, space };
+                let target = Target { functions: functions.clone(), layout, space };
                 match check(&target.model(from)?) {
                     Ok(()) => return Ok(target),
                     Err(error) => refused = refused.or(Some(error)),
@@ -87,12 +100,9 @@ fn other(space: Space) -> Space {
     }
 }
 
-/// Functions, none where pictures alone would tell; and planes at most, where they are learned.
-type Candidate = (Option<Basis>, Option<usize>);
-
-/// Functions and planes: what is asked for, or else what there is and then all
+/// Functions: what is asked for, or else what there is and then all
 /// others by their number of functions.
-fn bases(arguments: &ConvertArguments, from: &Model) -> Result<Vec<Candidate>, Failure> {
+fn functions_of(arguments: &ConvertArguments, from: &Model) -> Result<Vec<Functions>, Failure> {
     let lights = lights_of(from);
     let functions = &arguments.functions;
     let asked = match &arguments.basis {
@@ -106,25 +116,27 @@ fn bases(arguments: &ConvertArguments, from: &Model) -> Result<Vec<Candidate>, F
     if family.learned && arguments.planes.is_some() {
         return Err(Failure::usage("--planes is for ptm, sh, hsh and srbf; pca has -k"));
     }
+    let kept = || match (&from.basis, arguments.planes) {
+        (basis, None) => Functions::Of(basis.clone()),
+        (Basis::Learned(_), Some(planes)) => Functions::Learned(planes),
+        (basis, Some(planes)) => Functions::Factored(basis.clone(), planes),
+    };
     if asked.is_none() && count.is_none() {
-        let kept = (Some(from.basis.clone()), arguments.planes);
         let others = if arguments.planes.is_some() { Vec::new() } else { by_count(from.maps()) };
-        let others = others.into_iter().map(|(family, count)| Ok((Some(build(family, count)?), None)));
-        return std::iter::once(Ok(kept)).chain(others).collect();
-    }
-    if family.learned {
-        let planes = count.unwrap_or(family.default_count);
-        return Ok(vec![if from.layout == Layout::Shared && from.maps() == planes {
-            (Some(from.basis.clone()), None)
-        } else {
-            (None, Some(planes))
-        }]);
+        let others = others.into_iter().map(|(family, count)| Ok(Functions::Of(build(family, count)?)));
+        return std::iter::once(Ok(kept())).chain(others).collect();
     }
     let same_family = family.name == from.basis.family().name;
-    let usual = if same_family { from.basis.count() } else { family.default_count };
-    let kept = same_family && usual == count.unwrap_or(usual) && !functions.shapes_srbf();
-    let basis = if kept { from.basis.clone() } else { build(family, count.unwrap_or(usual))? };
-    Ok(vec![(Some(basis), arguments.planes)])
+    let own = if same_family { from.maps() } else { family.default_count };
+    let count = count.unwrap_or(own);
+    Ok(vec![if same_family && count == own && !functions.shapes_srbf() {
+        kept()
+    } else if family.learned {
+        Functions::Learned(count)
+    } else {
+        let basis = build(family, count)?;
+        arguments.planes.map_or(Functions::Of(basis.clone()), |planes| Functions::Factored(basis, planes))
+    }])
 }
 
 /// The families whose sizes are steps of an order or degree, all of them: those of at least `count` functions
@@ -224,8 +236,8 @@ pub(super) fn way<'a>(
     ridge: f64,
     machine: &Machine,
 ) -> Result<(Way, Box<dyn Stack + 'a>), Failure> {
-    let Target { basis, planes, layout, space } = target;
-    if let (Some(basis), None) = (basis, planes)
+    let Target { functions, layout, space } = target;
+    if let Functions::Of(basis) = functions
         && *space == maps.model.space
     {
         let domain = Refit::domain(&maps.model, basis);
@@ -235,35 +247,30 @@ pub(super) fn way<'a>(
             Err(error) => return Err(error.into()),
         }
     }
-    let domain: Cap = Refit::domain(&maps.model, basis.as_ref().unwrap_or(&maps.model.basis));
-    let lights = fibonacci_in(domain, if planes.is_some() { PICTURES_TO_LEARN_FROM } else { PICTURES });
+    let (basis, pictures) = match functions {
+        Functions::Of(basis) => (basis, PICTURES),
+        Functions::Factored(basis, _) => (basis, PICTURES_TO_LEARN_FROM),
+        Functions::Learned(_) => (&maps.model.basis, PICTURES_TO_LEARN_FROM),
+    };
+    let lights = fibonacci_in(Refit::domain(&maps.model, basis), pictures);
     let stack = RelitStack::new(maps, &lights, *space, machine.level);
-    let functions = |basis: &Basis, sample: &Sample| {
+    let least_squares = |basis: &Basis, sample: &Sample| {
         LeastSquares::new(basis.clone(), &lights, LightWeights::Uniform, Ridge::Fixed(ridge), sample)
     };
-    let way = match planes {
-        None => {
-            let basis = basis.as_ref().unwrap_or(&maps.model.basis);
-            if matches!(basis, Basis::Learned(_)) {
-                let message =
-                    "learned planes are not taken to another space; bake the pictures in that space";
-                return Err(Failure::usage(message));
-            }
+    let opponent = arguments.color == Some(Color::Ycc);
+    let design = |planes| LearnedDesign { planes, opponent, target_psnr: None };
+    let sample = || ChannelSample::of(&stack).map_err(FitError::from);
+    let way = match functions {
+        Functions::Of(basis) => {
             let sample = Sample::of(&stack).map_err(FitError::from)?;
-            Way::Functions(functions(basis, &sample)?, *layout)
+            Way::Functions(least_squares(basis, &sample)?, *layout)
         }
-        Some(planes) => {
-            let sample = ChannelSample::of(&stack).map_err(FitError::from)?;
-            interrupt::check()?;
-            let opponent = arguments.color == Some(Color::Ycc);
-            let design = LearnedDesign { planes: *planes, opponent, target_psnr: None };
-            Way::Learned(match basis {
-                Some(basis) if !matches!(basis, Basis::Learned(_)) => {
-                    LearnedFit::factored(&functions(basis, &sample.of_pictures)?, &lights, design, &sample)?
-                }
-                _ => LearnedFit::new(&lights, design, &sample)?,
-            })
+        Functions::Factored(basis, planes) => {
+            let sample = sample()?;
+            let fit = least_squares(basis, &sample.of_pictures)?;
+            Way::Learned(LearnedFit::factored(&fit, &lights, design(*planes), &sample)?)
         }
+        Functions::Learned(planes) => Way::Learned(LearnedFit::new(&lights, design(*planes), &sample()?)?),
     };
     Ok((way, Box::new(stack)))
 }

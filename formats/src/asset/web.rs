@@ -9,6 +9,7 @@ use super::ptm_jpeg::together;
 use super::web_functions::codes_on_square;
 use super::web_info::{INFO, WebInfo, WebMaterial};
 use super::web_jpeg::{WORKING_BYTES, encode_planes};
+use super::web_tiles;
 use super::{
     AssetHeader, AssetWriter, Created, WriteSettings, assert_shape, check_complete, check_finite,
     plane_quantizers,
@@ -114,13 +115,16 @@ pub(super) fn file_name(file: usize) -> String {
 /// Whether a folder may have a file of this name.
 fn is_own(name: &str) -> bool {
     let number = name.strip_prefix("plane_").and_then(|rest| rest.strip_suffix(".jpg"));
+    let described = name.strip_prefix("plane_").and_then(|rest| rest.strip_suffix(".dzi"));
+    let number = number.or(described);
     name == INFO
+        || web_tiles::is_tile(name)
         || number.is_some_and(|number| !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()))
 }
 
 /// Starts a folder at `path`.
 pub(super) fn create_folder(path: &Path) -> Result<OutputFolder, FormatError> {
-    OutputFolder::create(path, &[INFO, "plane_0.jpg"], is_own)
+    OutputFolder::create(path, &[&[INFO], &["plane_0.jpg", "plane_0.dzi"]], is_own)
 }
 
 /// Bytes that writing holds: the codes of all planes and what making one file takes.
@@ -134,6 +138,8 @@ struct WebWriter {
     /// One a plane, in the order of `Model::roles`.
     quantizers: Vec<Quantizer>,
     quality: u8,
+    /// Whether planes are cut into tiles.
+    deepzoom: bool,
     held: Mutex<Held>,
     /// Errors of rounding to codes.
     errors: StoringErrors,
@@ -163,7 +169,8 @@ pub(super) fn create(path: &Path, header: AssetHeader, settings: &WriteSettings)
     let held = Mutex::new(Held { planes, written: 0 });
     let errors = StoringErrors::new(model);
     let quality = settings.jpeg_quality.unwrap_or(USUAL_QUALITY);
-    Ok(Box::new(WebWriter { header, quantizers, quality, held, errors, folder }))
+    let deepzoom = settings.deepzoom;
+    Ok(Box::new(WebWriter { header, quantizers, quality, deepzoom, held, errors, folder }))
 }
 
 /// A quantizer whose bias in the folder's terms, -bias / scale, exists.
@@ -195,7 +202,7 @@ impl AssetWriter for WebWriter {
     }
 
     fn finish(self: Box<Self>) -> Result<PackReport, FormatError> {
-        let Self { header, quantizers, quality, held, errors, folder } = *self;
+        let Self { header, quantizers, quality, deepzoom, held, errors, folder } = *self;
         let Held { mut planes, written } = held.into_inner().unwrap_or_else(PoisonError::into_inner);
         check_complete(folder.path(), &header, written)?;
         let AssetHeader { width, height, model, .. } = &header;
@@ -205,10 +212,15 @@ impl AssetWriter for WebWriter {
         let in_common = model.layout != Layout::Shared && !matches!(model.basis, Basis::Sh(_));
         let mut of_planes = vec![PlaneErrors::default(); planes.len()];
         for (file, of_file) in planes.chunks_exact_mut(OF_A_FILE).enumerate() {
-            let jpeg = encode_planes(of_file, (*width, *height), quality, in_common)
-                .map_err(|error| FormatError::invalid(folder.path(), error.to_string()))?;
-            folder.write(&file_name(file), &jpeg)?;
-            let decoded = decode_jpeg(&jpeg, (*width, *height), OF_A_FILE, folder.path(), u64::MAX)?;
+            let size = (*width, *height);
+            let decoded = if deepzoom {
+                web_tiles::write(&folder, file, of_file, size, quality, in_common)?
+            } else {
+                let jpeg = encode_planes(of_file, size, quality, in_common)
+                    .map_err(|error| FormatError::invalid(folder.path(), error.to_string()))?;
+                folder.write(&file_name(file), &jpeg)?;
+                decode_jpeg(&jpeg, size, OF_A_FILE, folder.path(), u64::MAX)?
+            };
             for (i, plane) in of_file.iter_mut().enumerate() {
                 let decoded = decoded[i..].iter().step_by(OF_A_FILE);
                 let losses = decoded.clone().zip(&*plane).map(|(&a, &b)| f32::from(a) - f32::from(b));

@@ -5,14 +5,13 @@
 use super::web::{OF_A_FILE, Place, file_name, place_of_role};
 use super::web_functions::{RBF_NODES, table_from_lights, table_from_square};
 use super::web_info::{INFO, WebInfo, WebMaterial, info_path, read_info};
+use super::web_tiles::{self, dzi_name};
 use super::{AssetHeader, Details, open_measured, planar, plane_bytes, plane_quantizers};
 use crate::FormatError;
-use crate::picture::decode_jpeg;
 use relight_core::basis::{Hsh, Learned, Ptm, Sh};
 use relight_core::sphere::Octahedral;
 use relight_core::{Basis, Direction, Layout, Model, RelightingMap, RelightingMaps, Space, Texels};
 use relight_texture::{Precision, Quantizer, TexelFormat};
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Sides of JPEG.
@@ -40,7 +39,11 @@ pub(super) fn read(path: &Path, memory_limit: u64) -> Result<RelightingMaps, For
     }
     let mut texels = vec![Vec::new(); model.plane_count()];
     for file in 0..web.planes.div_ceil(OF_A_FILE) {
-        let samples = read_file(&web.file(file), (*width, *height), memory_limit, held)?;
+        let size = (*width, *height);
+        let samples = match web.tiles(file) {
+            None => web_tiles::read_planes(&web.file(file), size, memory_limit, held)?,
+            Some(dzi) => web_tiles::read(&dzi, size, memory_limit, held)?,
+        };
         for (role, texels) in texels.iter_mut().enumerate() {
             let Place { plane, negated } = place_of_role(model, role);
             if plane / OF_A_FILE == file {
@@ -59,31 +62,18 @@ pub(super) fn read(path: &Path, memory_limit: u64) -> Result<RelightingMaps, For
     Ok(RelightingMaps { width, height, model, planes })
 }
 
-/// The samples of a file of planes; `held` bytes are spoken for.
-fn read_file(
-    path: &Path,
-    size: (usize, usize),
-    memory_limit: u64,
-    held: u64,
-) -> Result<Vec<u8>, FormatError> {
-    let (mut file, bytes) = open_measured(path)?;
-    let left = memory_limit.saturating_sub(held);
-    if bytes > left {
-        return Err(FormatError::too_large(path, held.saturating_add(bytes), memory_limit));
-    }
-    let mut jpeg = Vec::with_capacity(bytes as usize);
-    (&mut file).take(bytes).read_to_end(&mut jpeg).map_err(|e| FormatError::io(path, "read", e))?;
-    decode_jpeg(&jpeg, size, OF_A_FILE, path, left - bytes)
-}
-
 /// See [`super::summarize_asset`].
 pub(super) fn summarize(path: &Path) -> Result<(AssetHeader, Details), FormatError> {
     let web = open(path, INFO_LIMIT)?;
-    let planes = (0..web.planes.div_ceil(OF_A_FILE)).map(|file| web.file(file));
-    let files: Vec<PathBuf> = std::iter::once(web.info.clone()).chain(planes).collect();
-    let mut file_bytes = 0;
-    for file in &files {
-        file_bytes += open_measured(file)?.1;
+    let mut files = vec![web.info.clone()];
+    let mut file_bytes = open_measured(&web.info)?.1;
+    for file in 0..web.planes.div_ceil(OF_A_FILE) {
+        let tiles = web.tiles(file);
+        file_bytes += match &tiles {
+            None => open_measured(&web.file(file))?.1,
+            Some(dzi) => web_tiles::bytes(dzi)?,
+        };
+        files.push(tiles.unwrap_or_else(|| web.file(file)));
     }
     let WebInfo { kind, colorspace, quality, sigma, resolution, pixel_size_in_mm, colorprofile, .. } =
         web.description;
@@ -102,6 +92,12 @@ pub(super) fn summarize(path: &Path) -> Result<(AssetHeader, Details), FormatErr
 impl WebFolder {
     fn file(&self, file: usize) -> PathBuf {
         self.info.with_file_name(file_name(file))
+    }
+
+    /// What describes the tiles of a file of planes, where it isn't whole.
+    fn tiles(&self, file: usize) -> Option<PathBuf> {
+        let dzi = self.info.with_file_name(dzi_name(file));
+        (!self.file(file).is_file() && dzi.is_file()).then_some(dzi)
     }
 }
 
@@ -151,12 +147,13 @@ impl WebFolder {
     fn check_files(&self) -> Result<(), FormatError> {
         for file in 0..self.planes.div_ceil(OF_A_FILE) {
             let path = self.file(file);
-            if path.is_file() {
+            if path.is_file() || self.tiles(file).is_some() {
                 continue;
             }
-            if let Some(tiles) = ["dzi", "tzi"].map(|e| path.with_extension(e)).iter().find(|p| p.is_file()) {
-                let problem = "holds tiles, which relight does not read; write the planes as plane_0.jpg ..";
-                return Err(FormatError::unsupported(tiles, problem));
+            let tiles = path.with_extension("tzi");
+            if tiles.is_file() {
+                let problem = "holds tiles in one file, which relight does not read; write plane_0.jpg .. or plane_0.dzi ..";
+                return Err(FormatError::unsupported(&tiles, problem));
             }
             let problem =
                 format!("is missing, though {INFO} has {} planes; copy the whole folder", self.planes);

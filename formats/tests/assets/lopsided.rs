@@ -29,6 +29,7 @@ pub(crate) const PLAIN: WriteSettings = WriteSettings {
     zstd: None,
     split: false,
     jpeg_quality: None,
+    deepzoom: false,
     memory_limit: LIMIT,
 };
 

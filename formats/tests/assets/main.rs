@@ -15,3 +15,4 @@ mod refusals;
 mod round_trips;
 mod rti;
 mod web;
+mod web_tiles;

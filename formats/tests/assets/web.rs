@@ -32,7 +32,7 @@ fn learned(planes: usize, nodes: usize) -> Learned {
 }
 
 /// Smooth planes: JPEG at its best keeps them to a code or two. Each is its own.
-fn smooth(family: &str, count: usize, layout: Layout, size: (usize, usize)) -> Lopsided {
+pub(crate) fn smooth(family: &str, count: usize, layout: Layout, size: (usize, usize)) -> Lopsided {
     let mut asset = lopsided(family, count, layout, size);
     if layout == Layout::Shared {
         asset.model.basis = Basis::Learned(learned(count, 17));
@@ -261,10 +261,10 @@ fn descriptions_that_contradict_themselves_are_refused_in_a_sentence() {
     fs::write(&info, rbf().to_string()).unwrap();
     let needed = read_asset(&path, 1000).unwrap_err();
     assert!(matches!(needed, FormatError::TooLarge { .. }), "{needed}");
-    fs::rename(path.join("plane_0.jpg"), path.join("plane_0.dzi")).unwrap();
+    fs::rename(path.join("plane_0.jpg"), path.join("plane_0.tzi")).unwrap();
     let error = read_asset(&path, LIMIT).unwrap_err().to_string();
-    assert!(error.contains("plane_0.dzi: holds tiles"), "{error}");
-    fs::remove_file(path.join("plane_0.dzi")).unwrap();
+    assert!(error.contains("plane_0.tzi: holds tiles"), "{error}");
+    fs::remove_file(path.join("plane_0.tzi")).unwrap();
     let error = read_asset(&path, LIMIT).unwrap_err().to_string();
     assert!(error.contains("plane_0.jpg: is missing"), "{error}");
     fs::remove_file(&info).unwrap();
