@@ -296,7 +296,7 @@ fn factors_that_a_flat_surface_makes_are_refused_and_those_of_lamps_are_not() {
     let here = folder.path();
     // A nearly flat, glossy surface.
     let flat = |x: usize, y: usize, i: usize| {
-        let [lx, ly, lz] = light(i, 40);
+        let [lx, _, lz] = light(i, 40);
         let slant = 0.02 * ((x * 5 + y * 3) % 7) as f64 - 0.06;
         let halfway = (lx * slant + lz + 1.0) / (2.0 + 2.0 * lz).sqrt();
         let albedo = [0.3, 0.25, 0.2].map(|c| c + 0.02 * ((x + 3 * y) % 5) as f64);
@@ -304,7 +304,7 @@ fn factors_that_a_flat_surface_makes_are_refused_and_those_of_lamps_are_not() {
     };
     write_bytes(&here.join("even"), 40, flat);
     let factor = |i: usize| [0.7, 1.2, 0.95, 1.1, 0.85][i * i % 5];
-    write_bytes(&here.join("flickering"), 40, |x, y, i| flat(x, y, i).map(|value| value * factor(i)));
+    write_bytes(&here.join("flickering"), 40, |x, y, i| radiance(x, y, light(i, 40)).map(|v| v * factor(i)));
     let bake = |capture: &str, rest: &str| {
         let line = format!("bake {capture} -o a.ktx2 --basis hsh -k 9 --report r.json {rest}");
         relight(here, &line).ok();
