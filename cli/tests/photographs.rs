@@ -304,7 +304,7 @@ fn factors_that_a_flat_surface_makes_are_refused_and_those_of_lamps_are_not() {
     };
     write_bytes(&here.join("even"), 40, flat);
     let factor = |i: usize| [0.7, 1.2, 0.95, 1.1, 0.85][i * i % 5];
-    write_bytes(&here.join("flickering"), 40, |x, y, i| flat(x, y, i).map(|value| value * factor(i)));
+    write_bytes(&here.join("flickering"), 40, |x, y, i| radiance(x, y, light(i, 40)).map(|v| v * factor(i)));
     let bake = |capture: &str, rest: &str| {
         let line = format!("bake {capture} -o a.ktx2 --basis hsh -k 9 --report r.json {rest}");
         relight(here, &line).ok();

@@ -95,8 +95,7 @@ fn factors_are_taken_where_lamps_flickered_and_not_where_the_surface_makes_them(
     assert!(off > 0.15 && !even.is_accepted(), "{even:?}, factors {off} off");
     let (even, off) = trial(&scaled(&lights, |_| 1.0, 10.0));
     assert!(off < 0.02 && !even.is_accepted(), "{even:?}, factors {off} off");
-    let few = dome(3);
-    let none =
-        exposure_trial(&LightSet::from_directions(few.clone()), &flat(&few, |_| 1.0).sample(), &[1.0; 3]);
+    let one = dome(1);
+    let none = exposure_trial(&LightSet::from_directions(one.clone()), &flat(&one, |_| 1.0).sample(), &[1.0]);
     assert_eq!(none.unwrap(), None);
 }
