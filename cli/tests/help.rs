@@ -10,6 +10,7 @@ use std::path::Path;
 /// A program without `gpu` lacks the last two.
 const SUBCOMMANDS: &[&str] = &[
     "bake",
+    "sweep",
     "convert",
     "render",
     "view",
@@ -41,6 +42,10 @@ fn every_subcommand_explains_its_options() {
         (
             "bake",
             &["--output <FILE>", "--basis <NAME>", "--holdout <WHICH>", "--memory <SIZE>", "--jobs"][..],
+        ),
+        (
+            "sweep",
+            &["<INPUT>", "--output <FOLDER>", "--axes <AXES>", "--keep <WHICH>", "--target-psnr", "--json"],
         ),
         (
             "convert",

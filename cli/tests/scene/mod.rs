@@ -7,6 +7,7 @@
 )]
 
 pub(crate) mod pictures;
+pub(crate) mod schema;
 
 use serde_json::Value;
 use std::collections::BTreeMap;
