@@ -22,6 +22,7 @@ mod principal;
 mod rebin;
 mod refit;
 mod relit_stack;
+mod robust;
 mod row_products;
 mod sample;
 mod singular_values;
@@ -43,5 +44,6 @@ pub use rebin::{
 };
 pub use refit::{PlaneStack, Refit};
 pub use relit_stack::RelitStack;
+pub use robust::RobustFit;
 pub use sample::{ChannelSample, Sample};
 pub use usable::{LIGHTS_PER_FUNCTION, Usability, WORST_CONDITION, largest_usable, usability};
