@@ -6,8 +6,9 @@ use crate::interrupt;
 use relight_core::basis::Learned;
 use relight_core::{Basis, Design, FitFigures, Layout, Stack};
 use relight_fit::{
-    ChannelSample, FitError, LIGHTS_PER_FUNCTION, LearnedFit, LeastSquares, LeaveOneOut, Misfit, PixelFit,
-    Sample, WORST_CONDITION, largest_usable, learned_bytes, misfits,
+    ChannelSample, FitError, LIGHTS_PER_FUNCTION, LearnedFit, LeastSquares, LeaveOneOut, MOST_OFF, Misfit,
+    NearLamps, NearSolutions, PixelFit, Sample, WORST_CONDITION, largest_usable, learned_bytes, misfits,
+    most_near_bytes, near_least_squares,
 };
 use relight_formats::OpenCapture;
 use relight_texture::{TexelFormat, level_size};
@@ -71,6 +72,14 @@ impl Choice {
         }
     }
 
+    /// Bytes that nodes of near lamps may take.
+    pub(super) fn node_bytes(&self, capture: &OpenCapture, memory: u64) -> u64 {
+        match &self.kind {
+            Kind::Functions(basis) => most_near_bytes(capture.infos.len(), basis.count(), memory),
+            Kind::Planes { .. } => 0,
+        }
+    }
+
     /// Bytes that [`solve`] takes for the pictures of `capture`, beyond those of fitting.
     pub(super) fn solving_bytes(&self, capture: &OpenCapture) -> u64 {
         match self.kind {
@@ -87,44 +96,47 @@ impl Choice {
 const MOST_PLANES: usize = 64;
 
 /// How coefficients come about.
-pub(super) enum Solved {
+pub(super) enum Solved<'a> {
     Functions(LeastSquares, Layout),
+    /// Of functions under lamps that each pixel sees from elsewhere.
+    Near(LeastSquares, NearSolutions<'a>, Layout),
     Planes(LearnedFit),
 }
 
 /// A solved fit.
-pub(super) struct BakeFit {
-    pub(super) solved: Solved,
+pub(super) struct BakeFit<'a> {
+    pub(super) solved: Solved<'a>,
     /// What the user should know: lowered orders, deficient lights, pictures that don't fit.
     pub(super) notes: Vec<String>,
     pub(super) misfits: Vec<Misfit>,
 }
 
-impl Solved {
+impl Solved<'_> {
     pub(super) fn pixel_fit(&self) -> PixelFit<'_> {
         match self {
             Self::Functions(fit, layout) => (fit, *layout).into(),
+            Self::Near(fit, solutions, layout) => PixelFit::Near(fit, solutions, *layout),
             Self::Planes(fit) => fit.into(),
         }
     }
 
     pub(super) fn basis(&self) -> Basis {
         match self {
-            Self::Functions(fit, _) => fit.basis.clone(),
+            Self::Functions(fit, _) | Self::Near(fit, ..) => fit.basis.clone(),
             Self::Planes(fit) => Basis::Learned(fit.basis.clone()),
         }
     }
 
     pub(super) fn figures(&self) -> FitFigures {
         match self {
-            Self::Functions(fit, _) => fit.figures,
+            Self::Functions(fit, _) | Self::Near(fit, ..) => fit.figures,
             Self::Planes(fit) => fit.figures,
         }
     }
 
     pub(super) fn leave_one_out(&self) -> &LeaveOneOut {
         match self {
-            Self::Functions(fit, _) => &fit.leave_one_out,
+            Self::Functions(fit, _) | Self::Near(fit, ..) => &fit.leave_one_out,
             Self::Planes(fit) => &fit.leave_one_out,
         }
     }
@@ -134,6 +146,9 @@ impl Solved {
         match self {
             Self::Functions(fit, _) => {
                 format!("{} with {} functions", fit.basis.family().name, fit.basis.count())
+            }
+            Self::Near(fit, ..) => {
+                format!("{} with {} functions under near lamps", fit.basis.family().name, fit.basis.count())
             }
             Self::Planes(fit) if fit.smoothing.is_some() => format!("pca with {} planes", fit.basis.planes()),
             Self::Planes(fit) => format!("{} in {} planes", fit.basis.origin(), fit.basis.planes()),
@@ -183,14 +198,16 @@ pub(super) fn choose_basis(arguments: &BakeArguments, capture: &OpenCapture) -> 
     Ok(Choice { kind: kind(basis), notes })
 }
 
-/// Solves the fit and examines it.
-pub(super) fn solve(
+/// Solves the fit and examines it; under near `lamps`, `stack` has the pictures without their fall-off, and nodes take no more
+/// than `node_bytes`.
+pub(super) fn solve<'a>(
     arguments: &BakeArguments,
     choice: Choice,
     capture: &OpenCapture,
     layout: Layout,
     stack: &dyn Stack,
-) -> Result<BakeFit, Failure> {
+    near: Option<(&'a NearLamps, u64)>,
+) -> Result<BakeFit<'a>, Failure> {
     let directions = capture.capture.lights.directions();
     let Choice { kind, mut notes } = choice;
     let lights = &capture.capture.lights;
@@ -203,8 +220,25 @@ pub(super) fn solve(
         Kind::Functions(basis) => {
             let sample = Sample::of(stack).map_err(FitError::from)?;
             interrupt::check()?;
-            let fit = least_squares(basis, &sample, &mut notes)?;
-            (Solved::Functions(fit, layout), misfits(lights, &sample)?)
+            let misfits = misfits(lights, &sample)?;
+            match near {
+                None => (Solved::Functions(least_squares(basis, &sample, &mut notes)?, layout), misfits),
+                Some((lamps, node_bytes)) => {
+                    let (weighting, ridge) = (arguments.weighting(), arguments.ridge);
+                    let fit = near_least_squares(basis, lamps, weighting, ridge, stack)?;
+                    notes.extend(deficiency(arguments, capture, &fit)?);
+                    let check = || Ok::<(), Failure>(interrupt::check()?);
+                    let solutions = NearSolutions::new(&fit, lamps, node_bytes, check)?;
+                    if solutions.off > MOST_OFF {
+                        notes.push(format!(
+                            "a lamp is so near that {} nodes are too few: between them relit pictures may be off by up to {:.3}",
+                            solutions.nodes(),
+                            solutions.off
+                        ));
+                    }
+                    (Solved::Near(fit, solutions, layout), misfits)
+                }
+            }
         }
         Kind::Planes { most, basis, .. } => {
             let sample = ChannelSample::of(stack).map_err(FitError::from)?;

@@ -8,6 +8,7 @@ pub(crate) mod textures;
 use crate::failure::Failure;
 use crate::function_options::{FunctionOptions, family_of_name, size_of};
 use crate::holdout::Holdout;
+use crate::near::{NearOptions, surface_bytes};
 use crate::options::{ByteCount, Machine, MachineOptions, check_apart, check_writable};
 use crate::photograph_options::PhotographOptions;
 use crate::{evaluate, interrupt, notes, progress};
@@ -15,8 +16,8 @@ use clap::{Args, ValueEnum};
 use relight_core::basis::SrbfDesign;
 use relight_core::{Family, Layout, Model, Space, Stack};
 use relight_fit::{
-    LearnedDesign, LightWeights, Ridge, coefficient_distributions, coefficient_sample, for_each_span,
-    span_bytes,
+    LearnedDesign, LevelledStack, LightWeights, Ridge, coefficient_distributions, coefficient_sample,
+    for_each_span, span_bytes,
 };
 use relight_formats::{
     AssetFormat, AssetHeader, AssetPlan, AssetPositions, OpenCapture, Parts, PictureStack, StackSettings,
@@ -64,6 +65,8 @@ pub(crate) struct BakeArguments {
     weights: Weights,
     #[command(flatten)]
     photographs: PhotographOptions,
+    #[command(flatten)]
+    near: NearOptions,
     #[command(flatten)]
     textures: textures::TextureOptions,
     #[command(flatten)]
@@ -141,11 +144,30 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let mut all = stages.time("open", || open_capture(&arguments.input))?;
     let whole = all.size();
     stages.time("adjust", || arguments.photographs.apply(&mut all, &machine, &spill_folder))?;
+    let (mut fitted, mut left_out) = split(&all, arguments)?;
+    let mut scene_notes = Vec::new();
+    let wanted = arguments.positions.wanted(&machine, &mut scene_notes)?;
+    let map = match wanted || arguments.near.is_given() {
+        true => stages.time("positions", || {
+            arguments.positions.read(whole, arguments.photographs.crop(), machine.memory)
+        })?,
+        false => None,
+    };
+    if arguments.near.is_given() && arguments.learns()? {
+        return Err(Failure::usage(
+            "--near fits functions of light; bake those of sh, hsh, srbf or ptm, and make planes of them with relight convert",
+        ));
+    }
+    let lamps = arguments.near.apply(&mut fitted, whole, map.as_ref(), &mut all.capture.notes)?;
+    let lamps_of_judges = match &mut left_out {
+        Some(judges) => arguments.near.apply(judges, whole, map.as_ref(), &mut Vec::new())?,
+        None => None,
+    };
     notes::print(&all.capture.notes);
-    let (fitted, left_out) = split(&all, arguments)?;
     let judges =
         left_out.iter().flat_map(|judge| judge.capture.pictures.iter().chain([&judge.capture.light_file]));
-    let positions = arguments.positions.files().chain(arguments.photographs.files());
+    let positions =
+        arguments.positions.files().chain(arguments.photographs.files()).chain(arguments.near.files());
     let inputs: Vec<&PathBuf> =
         all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges).chain(positions).collect();
     check_apart(std::iter::once(&arguments.output).chain(&arguments.report), inputs.iter().copied())?;
@@ -168,17 +190,13 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let plan = AssetPlan { width, height, model: &model, formats: &formats, levels };
     format.check(&arguments.output, &plan, &settings).map_err(Failure::of_output)?;
 
-    let mut scene_notes = Vec::new();
-    let wanted = arguments.positions.wanted(&machine, &mut scene_notes)?;
-    let precision = arguments.positions.precision(format, &arguments.output, wanted)?;
-    let positions = match precision {
-        Some(precision) => stages
-            .time("positions", || {
-                arguments.positions.read(whole, arguments.photographs.crop(), machine.memory)
-            })?
-            .map(|map| AssetPositions { map, precision }),
-        None => None,
-    };
+    let stored = wanted && !(lamps.is_some() && format.positions.is_empty());
+    if wanted && !stored {
+        scene_notes
+            .push(format!("{}: holds no positions; they serve --near alone", arguments.output.display()));
+    }
+    let precision = arguments.positions.precision(format, &arguments.output, stored)?;
+    let positions = precision.zip(map).map(|(precision, map)| AssetPositions { map, precision });
     let position_bytes = positions.as_ref().map_or(0, |positions| size_of_val(&positions.map.points[..]));
 
     let span = span_pixels(width, needs_rows(formats.iter().copied(), levels));
@@ -186,17 +204,23 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let spans = machine.threads as u64 * (span_bytes(fitted.infos.len(), model.maps(), span) + working);
     // Fitting begins when what it takes to solve is gone.
     let needed = spans.max(choice.solving_bytes(&fitted));
-    let kept_back =
-        format.held_bytes(&plan, &settings).saturating_add(needed).saturating_add(position_bytes as u64);
-    let stack = stages.time("decode", || load(&fitted, space, &machine, kept_back, &spill_folder))?;
-    let mut fit = stages.time("solve", || fit::solve(arguments, choice, &fitted, layout, &stack))?;
+    let node_bytes = lamps.as_ref().map_or(0, |_| choice.node_bytes(&fitted, machine.memory));
+    let kept_back = [position_bytes as u64, surface_bytes(lamps.as_ref()), node_bytes, needed]
+        .into_iter()
+        .fold(format.held_bytes(&plan, &settings), u64::saturating_add);
+    let pictures = stages.time("decode", || load(&fitted, space, &machine, kept_back, &spill_folder))?;
+    let levelled =
+        lamps.as_ref().map(|lamps| LevelledStack { stack: &pictures, lamps, space, level: machine.level });
+    let stack: &dyn Stack = levelled.as_ref().map_or(&pictures, |levelled| levelled);
+    let near = lamps.as_ref().map(|lamps| (lamps, node_bytes));
+    let mut fit = stages.time("solve", || fit::solve(arguments, choice, &fitted, layout, stack, near))?;
     model.basis = fit.solved.basis();
     model.figures = Some(fit.solved.figures());
 
     let distributions =
         stages.time("ranges", || match formats.iter().any(|&texels| format.needs_ranges(texels)) {
             true => {
-                coefficient_distributions::<Failure>(&stack, fit.solved.pixel_fit(), machine.level, || {
+                coefficient_distributions::<Failure>(stack, fit.solved.pixel_fit(), machine.level, || {
                     Ok(interrupt::check()?)
                 })
             }
@@ -206,7 +230,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         let trial = match arguments.textures.tries() {
             true => Some(textures::Trial {
                 sample: coefficient_sample(
-                    &stack,
+                    stack,
                     fit.solved.pixel_fit(),
                     machine.level,
                     textures::TRIAL_BLOCKS,
@@ -228,7 +252,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let writer = format.create_with_positions(&arguments.output, header, &settings, positions)?;
     let bar = progress::bar("fitting", stack.pixels());
     let packed = stages.time("fit and write", || -> Result<_, Failure> {
-        for_each_span::<Failure>(&stack, fit.solved.pixel_fit(), machine.level, span, |span| {
+        for_each_span::<Failure>(stack, fit.solved.pixel_fit(), machine.level, span, |span| {
             interrupt::check()?;
             writer.write(span)?;
             bar.inc(span.pixels as u64);
@@ -237,12 +261,16 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         Ok(writer.finish()?)
     })?;
     bar.finish_and_clear();
-    let spilled = stack.spilled_bytes();
-    drop(stack);
+    let spilled = pictures.spilled_bytes();
+    drop(pictures);
 
     let judged = match &left_out {
         Some(capture) => {
-            Some(stages.time("hold-out", || evaluate::evaluate(&arguments.output, capture, &machine))?)
+            let lamps = lamps_of_judges.as_ref();
+            Some(
+                stages
+                    .time("hold-out", || evaluate::evaluate(&arguments.output, capture, lamps, &machine))?,
+            )
         }
         None => None,
     };

@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// Everything that a report tells.
 pub(super) struct Summary<'a> {
-    pub(super) fit: &'a BakeFit,
+    pub(super) fit: &'a BakeFit<'a>,
     pub(super) fitted: &'a OpenCapture,
     /// What was noteworthy about the capture's files.
     pub(super) notes: &'a [String],
@@ -124,7 +124,7 @@ impl Summary<'_> {
         let fit = &self.fit.solved;
         let (figures, errors) = (fit.figures(), fit.leave_one_out());
         let weight = |light: usize| match fit {
-            Solved::Functions(fit, _) => fit.decomposition.weights[light],
+            Solved::Functions(fit, _) | Solved::Near(fit, ..) => fit.decomposition.weights[light],
             Solved::Planes(_) => 1.0,
         };
         let names = &self.fitted.capture.lights.lights;
@@ -166,7 +166,7 @@ impl Summary<'_> {
             "spilled_bytes": self.spilled,
         });
         let solution = match fit {
-            Solved::Functions(fit, _) => json!({
+            Solved::Functions(fit, _) | Solved::Near(fit, ..) => json!({
                 "ridge": fit.ridge,
                 "rank": fit.decomposition.rank(),
                 "condition": finite(fit.decomposition.condition()),
@@ -174,6 +174,9 @@ impl Summary<'_> {
             }),
             Solved::Planes(fit) => json!({ "smoothing": fit.smoothing, "energy": fit.energy }),
         };
+        if let Solved::Near(_, solutions, _) = fit {
+            report["near"] = json!({ "nodes": solutions.nodes(), "off": solutions.off });
+        }
         if let (Some(report), Value::Object(solution)) = (report.as_object_mut(), solution) {
             report.extend(solution);
         }
