@@ -8,7 +8,7 @@ use relight_core::{Basis, Design, FitFigures, Layout, Stack};
 use relight_fit::{
     ChannelSample, FitError, LIGHTS_PER_FUNCTION, LearnedFit, LeastSquares, LeaveOneOut, MOST_OFF, Misfit,
     NearLamps, NearSolutions, PixelFit, Sample, WORST_CONDITION, largest_usable, learned_bytes, misfits,
-    most_near_bytes, near_least_squares,
+    near_bytes, near_least_squares,
 };
 use relight_formats::OpenCapture;
 use relight_texture::{TexelFormat, level_size};
@@ -72,10 +72,10 @@ impl Choice {
         }
     }
 
-    /// Bytes that nodes of near lamps may take.
-    pub(super) fn node_bytes(&self, capture: &OpenCapture, memory: u64) -> u64 {
+    /// Bytes that near lamps take beyond those of fitting.
+    pub(super) fn near_bytes(&self, capture: &OpenCapture, threads: usize) -> u64 {
         match &self.kind {
-            Kind::Functions(basis) => most_near_bytes(capture.infos.len(), basis.count(), memory),
+            Kind::Functions(basis) => near_bytes(capture.infos.len(), basis.count(), threads),
             Kind::Planes { .. } => 0,
         }
     }
@@ -198,15 +198,14 @@ pub(super) fn choose_basis(arguments: &BakeArguments, capture: &OpenCapture) -> 
     Ok(Choice { kind: kind(basis), notes })
 }
 
-/// Solves the fit and examines it; under near `lamps`, `stack` has the pictures without their fall-off, and nodes take no more
-/// than `node_bytes`.
+/// Solves the fit and examines it; under near `lamps`, `stack` has the pictures without their fall-off.
 pub(super) fn solve<'a>(
     arguments: &BakeArguments,
     choice: Choice,
     capture: &OpenCapture,
     layout: Layout,
     stack: &dyn Stack,
-    near: Option<(&'a NearLamps, u64)>,
+    lamps: Option<&'a NearLamps>,
 ) -> Result<BakeFit<'a>, Failure> {
     let directions = capture.capture.lights.directions();
     let Choice { kind, mut notes } = choice;
@@ -221,14 +220,14 @@ pub(super) fn solve<'a>(
             let sample = Sample::of(stack).map_err(FitError::from)?;
             interrupt::check()?;
             let misfits = misfits(lights, &sample)?;
-            match near {
+            match lamps {
                 None => (Solved::Functions(least_squares(basis, &sample, &mut notes)?, layout), misfits),
-                Some((lamps, node_bytes)) => {
+                Some(lamps) => {
                     let (weighting, ridge) = (arguments.weighting(), arguments.ridge);
                     let fit = near_least_squares(basis, lamps, weighting, ridge, stack)?;
                     notes.extend(deficiency(arguments, capture, &fit)?);
                     let check = || Ok::<(), Failure>(interrupt::check()?);
-                    let solutions = NearSolutions::new(&fit, lamps, node_bytes, check)?;
+                    let solutions = NearSolutions::new(&fit, lamps, check)?;
                     if solutions.off > MOST_OFF {
                         notes.push(format!(
                             "a lamp is so near that {} nodes are too few: between them relit pictures may be off by up to {:.3}",

@@ -204,16 +204,16 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let spans = machine.threads as u64 * (span_bytes(fitted.infos.len(), model.maps(), span) + working);
     // Fitting begins when what it takes to solve is gone.
     let needed = spans.max(choice.solving_bytes(&fitted));
-    let node_bytes = lamps.as_ref().map_or(0, |_| choice.node_bytes(&fitted, machine.memory));
-    let kept_back = [position_bytes as u64, surface_bytes(lamps.as_ref()), node_bytes, needed]
+    let near = lamps.as_ref().map_or(0, |_| choice.near_bytes(&fitted, machine.threads));
+    let kept_back = [position_bytes as u64, surface_bytes(lamps.as_ref()), near, needed]
         .into_iter()
         .fold(format.held_bytes(&plan, &settings), u64::saturating_add);
     let pictures = stages.time("decode", || load(&fitted, space, &machine, kept_back, &spill_folder))?;
     let levelled =
         lamps.as_ref().map(|lamps| LevelledStack { stack: &pictures, lamps, space, level: machine.level });
     let stack: &dyn Stack = levelled.as_ref().map_or(&pictures, |levelled| levelled);
-    let near = lamps.as_ref().map(|lamps| (lamps, node_bytes));
-    let mut fit = stages.time("solve", || fit::solve(arguments, choice, &fitted, layout, stack, near))?;
+    let mut fit =
+        stages.time("solve", || fit::solve(arguments, choice, &fitted, layout, stack, lamps.as_ref()))?;
     model.basis = fit.solved.basis();
     model.figures = Some(fit.solved.figures());
 

@@ -38,7 +38,7 @@ pub use leave_one_out::LeaveOneOut;
 pub use median::median;
 pub use misfit::{Misfit, misfits};
 pub use near::{
-    AT_SURFACE, LevelledStack, MOST_OFF, NearLamps, NearSolutions, NearSurface, Vignetting, most_near_bytes,
+    AT_SURFACE, LevelledStack, MOST_OFF, NearLamps, NearSolutions, NearSurface, Vignetting, near_bytes,
     near_least_squares,
 };
 pub use normals::{NormalError, NormalMap, normal_error, normal_map, normal_map_bytes};

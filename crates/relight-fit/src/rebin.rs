@@ -17,7 +17,7 @@ use std::sync::{Mutex, PoisonError};
 pub const SPAN: usize = 8192;
 
 /// Bytes of f32 values that a tile of all lights may take: a part of every L2 cache since 2015.
-const TILE_BYTES: usize = 384 << 10;
+pub(crate) const TILE_BYTES: usize = 384 << 10;
 
 /// Pixels of a tile: what fits [`TILE_BYTES`], a multiple of 16 samples for the kernel's lanes.
 pub(crate) fn tile_pixels(lights: usize, channels: usize) -> usize {

@@ -10,7 +10,7 @@ mod solutions;
 pub use judge::near_least_squares;
 pub use levelled::LevelledStack;
 pub(crate) use solutions::NearScratch;
-pub use solutions::{MOST_OFF, NearSolutions, most_near_bytes};
+pub use solutions::{MOST_OFF, NearSolutions, near_bytes};
 
 use crate::FitError;
 use nalgebra::DMatrix;

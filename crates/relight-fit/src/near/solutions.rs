@@ -5,6 +5,7 @@
 //! between nodes it is linear along each axis. Cells are halved until that is exact enough.
 
 use super::{NearLamps, absolute_ridge, ridge_solution};
+use crate::rebin::{SPAN, TILE_BYTES};
 use crate::row_products::combination;
 use crate::{FitError, LeastSquares};
 use rayon::prelude::*;
@@ -12,6 +13,7 @@ use relight_core::vectors::wide;
 use relight_core::weighted_sums::{Rows, weighted_sums};
 use relight_core::{CpuLevel, Vectorized};
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 
 /// How far a relit picture of a fitted lamp may be off in the middle of a cell, whatever values from 0 to 1 the pictures have:
 /// a step of 8 bits. It is the worst case over all pictures; those there are stay far below it.
@@ -20,8 +22,11 @@ pub const MOST_OFF: f64 = 1.0 / 255.0;
 /// How often (N + k) k^2 may be worked through for the nodes; some ten seconds of one thread.
 const MOST_WORK: f64 = 5e9;
 
+/// Bytes of nodes.
+const MOST_BYTES: usize = 64 << 20;
+
 /// Nodes that may always be solved, enough for a grid of 33 x 33, and that never are exceeded.
-const NODES: std::ops::RangeInclusive<usize> = 1200..=16384;
+const NODES: RangeInclusive<usize> = 1200..=16384;
 
 /// Corners of a cell.
 const CORNERS: usize = 8;
@@ -29,16 +34,21 @@ const CORNERS: usize = 8;
 /// An axis along which points lie within this part of the box's longest edge has no cells.
 const FLAT: f32 = 1e-6;
 
-/// Bytes that the nodes of `functions` functions and `lights` pictures take at most, within `memory`.
-pub fn most_near_bytes(lights: usize, functions: usize, memory: u64) -> u64 {
-    let node = (lights * functions * size_of::<f32>()) as u64;
-    // Twice, while they are put in order.
-    (2 * node * most_nodes(lights, functions) as u64).min(memory / 4)
+/// Bytes that fitting `functions` functions to `lights` pictures under near lamps takes at most beyond what
+/// [`span_bytes`](crate::span_bytes) counts, in `threads` threads.
+pub fn near_bytes(lights: usize, functions: usize, threads: usize) -> u64 {
+    // Nodes twice, while they are put in order.
+    let nodes = 2 * most_nodes(lights, functions) * lights * functions * size_of::<f32>();
+    // Pixels in the order of their cells, products and sums of a tile, and where a span's pixels are.
+    let tile = TILE_BYTES + 2 * TILE_BYTES * functions / lights.max(1) + 16 * SPAN;
+    (nodes + threads * tile) as u64
 }
 
+/// The same whatever memory there is, as coefficients are to be.
 fn most_nodes(lights: usize, functions: usize) -> usize {
     let work = (lights + functions) as f64 * (functions * functions) as f64;
-    ((MOST_WORK / work) as usize).clamp(*NODES.start(), *NODES.end())
+    let bytes = (lights * functions * size_of::<f32>()).max(1);
+    ((MOST_WORK / work) as usize).min(MOST_BYTES / bytes).clamp(*NODES.start(), *NODES.end())
 }
 
 /// What makes coefficients of a pixel's values, at every place of a surface.
@@ -80,7 +90,7 @@ pub(crate) struct NearScratch {
 }
 
 impl<'a> NearSolutions<'a> {
-    /// Solves `fit`, which is that of the middle, wherever `lamps`' surface is, in nodes of at most `memory` bytes.
+    /// Solves `fit`, which is that of the middle, wherever `lamps`' surface is.
     ///
     /// Weights of the lights are those of the middle, and so is the ridge, so that solutions are smooth; a lamp that says nothing
     /// at a node ([`NearLamps::direction`]) has no weight there. `check` is called now and then.
@@ -90,13 +100,11 @@ impl<'a> NearSolutions<'a> {
     pub fn new<E: From<FitError> + Send>(
         fit: &LeastSquares,
         lamps: &'a NearLamps,
-        memory: u64,
         check: impl Fn() -> Result<(), E> + Sync,
     ) -> Result<Self, E> {
         let lights = lamps.positions.len();
         let size = fit.basis.count() * lights;
-        let room = (memory / (2 * (size * size_of::<f32>()) as u64).max(1)) as usize;
-        let most = most_nodes(lights, fit.basis.count()).min(room.max(CORNERS));
+        let most = most_nodes(lights, fit.basis.count());
         let largest = fit.decomposition.singular_values.first().copied().unwrap_or(0.0);
         let ridge = absolute_ridge(fit.ridge, largest);
         let solve = |point: [f64; 3]| -> Result<(Vec<f64>, Vec<f64>), E> {

@@ -4,11 +4,9 @@ use crate::pictures::{Pictures, basis_of, fit_of, random, weights_of};
 use relight_core::{Basis, CpuLevel, Direction, Layout, NO_SURFACE, PositionMap, Space, Stack};
 use relight_fit::{
     FitError, LeastSquares, LevelledStack, LightWeights, MOST_OFF, NearLamps, NearSolutions, NearSurface,
-    PixelFit, Ridge, Vignetting, for_each_span, near_least_squares,
+    PixelFit, Ridge, Vignetting, for_each_span, near_bytes, near_least_squares,
 };
 use std::sync::Mutex;
-
-const MEMORY: u64 = 1 << 30;
 
 /// Lamps on a dome of radius 13 over the plane, more or less.
 fn dome(count: usize) -> Vec<[f64; 3]> {
@@ -129,7 +127,7 @@ fn between_nodes_fits_are_those_of_every_pixel_within_the_bound() {
         let fit =
             near_least_squares(basis.clone(), &lamps, LightWeights::Voronoi, Ridge::Fixed(1e-3), &stack)
                 .unwrap();
-        let near = NearSolutions::new::<FitError>(&fit, &lamps, MEMORY, || Ok(())).unwrap();
+        let near = NearSolutions::new::<FitError>(&fit, &lamps, || Ok(())).unwrap();
         assert!(near.off <= MOST_OFF && near.nodes() > 20, "{} {}", near.off, near.nodes());
         let (found, _) =
             coefficients(&stack, PixelFit::Near(&fit, &near, Layout::Rgb), CpuLevel::detect(), 1000, 9);
@@ -168,7 +166,7 @@ fn a_pixel_has_the_same_bits_in_any_span_on_any_machine() {
     let stack = Pictures::of((30, (31, 17), 3), |light, pixel, c| 0.5 + 0.5 * random(light, 3 * pixel + c));
     let basis = basis_of("ptm", 6, lamps.directions());
     let fit = near_least_squares(basis, &lamps, LightWeights::Voronoi, Ridge::Auto, &stack).unwrap();
-    let near = NearSolutions::new::<FitError>(&fit, &lamps, MEMORY, || Ok(())).unwrap();
+    let near = NearSolutions::new::<FitError>(&fit, &lamps, || Ok(())).unwrap();
     for layout in [Layout::Rgb, Layout::Lrgb] {
         let of = |level, span| {
             let levelled = LevelledStack { stack: &stack, lamps: &lamps, space: Space::Encoded, level };
@@ -193,7 +191,7 @@ fn luminance_is_fitted_under_the_pixels_own_lamps_too() {
     let [colored, plain] = [color, [1.0; 3]]
         .map(|color| Pictures::of((30, size, 3), |light, pixel, c| color[c] * grey(light, pixel)));
     let fit = near_least_squares(basis, &lamps, LightWeights::Voronoi, Ridge::Fixed(1e-4), &plain).unwrap();
-    let near = NearSolutions::new::<FitError>(&fit, &lamps, MEMORY, || Ok(())).unwrap();
+    let near = NearSolutions::new::<FitError>(&fit, &lamps, || Ok(())).unwrap();
     let of = |stack: &Pictures, layout| {
         coefficients(stack, PixelFit::Near(&fit, &near, layout), CpuLevel::detect(), 100, 6)
     };
@@ -223,7 +221,7 @@ fn lamps_a_million_away_are_distant_ones() {
             let stack = LevelledStack { stack: &pictures, lamps: &lamps, space, level };
             let fit =
                 near_least_squares(basis.clone(), &lamps, LightWeights::Voronoi, ridge, &stack).unwrap();
-            let near = NearSolutions::new::<FitError>(&fit, &lamps, MEMORY, || Ok(())).unwrap();
+            let near = NearSolutions::new::<FitError>(&fit, &lamps, || Ok(())).unwrap();
             let (found, _) =
                 coefficients(&stack, PixelFit::Near(&fit, &near, Layout::Rgb), level, 8192, count);
             let (expected, _) = coefficients(&pictures, (&far, Layout::Rgb).into(), level, 8192, count);
@@ -248,7 +246,7 @@ fn a_lamp_at_or_behind_the_surface_counts_nothing_there() {
         let basis = basis_of("ptm", 6, &lamps.directions()[..30]);
         let fit =
             near_least_squares(basis, lamps, LightWeights::Uniform, Ridge::Fixed(0.0), pictures).unwrap();
-        let near = NearSolutions::new::<FitError>(&fit, lamps, MEMORY, || Ok(())).unwrap();
+        let near = NearSolutions::new::<FitError>(&fit, lamps, || Ok(())).unwrap();
         let pixel_fit = PixelFit::Near(&fit, &near, Layout::Grey);
         (coefficients(pictures, pixel_fit, CpuLevel::detect(), 8192, 6).0, fit)
     };
@@ -315,21 +313,23 @@ fn left_out_errors_are_those_of_fits_without_the_light() {
 }
 
 #[test]
-fn nodes_stay_within_the_memory_and_say_so() {
-    let lamps = NearLamps::new(dome(40), plane((96, 60)), None).unwrap();
-    let pictures = Pictures::of((40, (96, 60), 1), random_grey);
-    let basis = basis_of("hsh", 16, lamps.directions());
-    let fit = near_least_squares(basis, &lamps, LightWeights::Voronoi, Ridge::Auto, &pictures).unwrap();
-    let of = |memory| NearSolutions::new::<FitError>(&fit, &lamps, memory, || Ok(())).unwrap();
-    let (free, tight) = (of(MEMORY), of(50 * 2 * 4 * 40 * 16));
-    assert!(free.off <= MOST_OFF && free.nodes() > 50, "{} {}", free.off, free.nodes());
-    assert!(tight.off > MOST_OFF && tight.nodes() <= 50, "{} {}", tight.off, tight.nodes());
-    let called_off = NearSolutions::new(&fit, &lamps, MEMORY, || Err(FitError::NoLights));
-    assert!(matches!(called_off, Err(FitError::NoLights)));
-}
-
-fn random_grey(light: usize, pixel: usize, _: usize) -> f64 {
-    random(light, pixel)
+fn nodes_stay_few_under_a_lamp_that_all_but_touches_the_surface() {
+    let pictures = Pictures::of((41, (300, 200), 1), |light, pixel, _| random(light, pixel));
+    let of = |height: f64| {
+        let positions = dome(40).into_iter().chain([[1.0, 0.7, height]]).collect();
+        let lamps = NearLamps::new(positions, plane((300, 200)), None).unwrap();
+        let basis = basis_of("sh", 25, lamps.directions());
+        let fit =
+            near_least_squares(basis, &lamps, LightWeights::Voronoi, Ridge::Fixed(1e-4), &pictures).unwrap();
+        let called_off = NearSolutions::new(&fit, &lamps, || Err(FitError::NoLights));
+        assert!(matches!(called_off, Err(FitError::NoLights)));
+        let near = NearSolutions::new::<FitError>(&fit, &lamps, || Ok(())).unwrap();
+        let bytes = (near.nodes() * 41 * 25 * 4) as u64;
+        assert!(2 * bytes <= near_bytes(41, 25, 1), "{} nodes", near.nodes());
+        near.off
+    };
+    assert!(of(9.0) <= MOST_OFF);
+    assert!(of(0.05) > MOST_OFF);
 }
 
 #[test]
