@@ -66,14 +66,16 @@ impl FromStr for SphereChoice {
     }
 }
 
-fn fov_of(text: &str) -> Result<f64, String> {
+/// The angle of a picture's whole width, in degrees.
+pub(crate) fn fov_of(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(angle) if (0.1..=150.0).contains(&angle) => Ok(angle),
         _ => Err("write an angle from 0.1 to 150 degrees".to_owned()),
     }
 }
 
-fn scale_of(text: &str) -> Result<f64, String> {
+/// The length of a pixel.
+pub(crate) fn scale_of(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(scale) if (1e-12..=1e12).contains(&scale) => Ok(scale),
         _ => Err("write a length from 1e-12 to 1e12".to_owned()),

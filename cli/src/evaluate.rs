@@ -1,6 +1,7 @@
 //! `relight evaluate`: an asset beside photographs, light by light.
 
 use crate::failure::{Exit, Failure};
+use crate::near::{NearOptions, relit_near};
 use crate::options::{Machine, MachineOptions, check_apart, check_writable};
 use crate::photograph_options::PhotographOptions;
 use crate::say::say;
@@ -9,8 +10,9 @@ use clap::Args;
 use rayon::prelude::*;
 use relight_core::metrics::{self, PictureError};
 use relight_core::relighter::{Picture, relight};
-use relight_core::{RelightingMaps, Space};
-use relight_formats::{OpenCapture, PictureDepth, open_capture, read_asset, write_picture};
+use relight_core::{PositionMap, RelightingMaps, Space};
+use relight_fit::NearLamps;
+use relight_formats::{OpenCapture, PictureDepth, open_capture, read_asset, read_positions, write_picture};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -24,6 +26,8 @@ pub(crate) struct EvaluateArguments {
     set: PathBuf,
     #[command(flatten)]
     photographs: PhotographOptions,
+    #[command(flatten)]
+    near: NearOptions,
     /// Print JSON instead of a table
     #[arg(long)]
     json: bool,
@@ -62,16 +66,26 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
         check_heatmap(path)?;
     }
     let mut capture = open_capture(&arguments.set)?;
+    let whole = capture.size();
     arguments.photographs.apply(&mut capture, &machine, &std::env::temp_dir())?;
+    let positions = match arguments.near.is_given() {
+        true => read_positions(&arguments.asset, machine.memory)?,
+        false => None,
+    };
+    let mut odd = Vec::new();
+    let lamps = arguments.near.apply(&mut capture, whole, positions.as_ref(), &mut odd)?;
+    capture.capture.notes.append(&mut odd);
+    drop(positions);
     notes::print(&capture.capture.notes);
     let read = capture
         .capture
         .pictures
         .iter()
         .chain([&capture.capture.light_file, &arguments.asset])
-        .chain(arguments.photographs.files());
+        .chain(arguments.photographs.files())
+        .chain(arguments.near.files());
     check_apart(&arguments.heatmap, read)?;
-    let evaluation = evaluate(&arguments.asset, &capture, &machine)?;
+    let evaluation = evaluate(&arguments.asset, &capture, lamps.as_ref(), &machine)?;
     if let Some(path) = &arguments.heatmap {
         write_picture(path, &evaluation.heatmap(), PictureDepth::U8)?;
     }
@@ -110,32 +124,41 @@ pub(crate) fn check_size(size: (usize, usize), of: &Path, capture: &OpenCapture)
     Err(Failure::new(Exit::BadInput, message))
 }
 
-/// Relights `asset` at every light of `capture` and compares.
+/// Relights `asset` at every light of `capture` and compares; under near `lamps`, each pixel as it sees its lamp.
 pub(crate) fn evaluate(
     asset: &Path,
     capture: &OpenCapture,
+    lamps: Option<&NearLamps>,
     machine: &Machine,
 ) -> Result<Evaluation, Failure> {
     let maps = read_asset(asset, machine.memory)?;
     check_size((maps.width, maps.height), asset, capture)?;
-    compare(&maps, capture, machine, &|i| Ok(capture.photograph(i, machine.level, machine.memory)?))
+    compare(&maps, capture, lamps, machine, &|i| Ok(capture.photograph(i, machine.level, machine.memory)?))
 }
 
 /// Relights `maps` at every light of `capture` and compares with its photographs, which `photograph` gives.
 pub(crate) fn compare(
     maps: &RelightingMaps,
     capture: &OpenCapture,
+    lamps: Option<&NearLamps>,
     machine: &Machine,
     photograph: &(dyn Fn(usize) -> Result<Picture, Failure> + Sync),
 ) -> Result<Evaluation, Failure> {
     let linear = capture.is_float();
+    let near = lamps.map(|lamps| (lamps, lamps.position_map()));
     let bar = progress::bar("comparing", capture.infos.len());
     let sum = Mutex::new(vec![0.0f64; maps.pixels()]);
     let figures = |i: usize| -> Result<PictureFigures, Failure> {
         interrupt::check()?;
         let light = &capture.capture.lights.lights[i];
         let photograph = photograph(i)?;
-        let relit = relit(maps, light.direction, linear, machine);
+        let relit = match &near {
+            None => relit(maps, light.direction, linear, machine),
+            Some((lamps, positions)) => {
+                let picture = relit_near(maps, lamps, positions, i, machine.level);
+                if linear { picture } else { picture.encoded_from(Space::Linear) }
+            }
+        };
         let (relit, photograph) = same_channels(relit, photograph);
         let errors = |a: &Picture, b: &Picture| metrics::compare(&a.samples, &b.samples, a.width, a.channels);
         let stored = errors(&relit, &photograph);
@@ -149,7 +172,7 @@ pub(crate) fn compare(
         bar.inc(1);
         Ok(PictureFigures { name: light.name.clone(), stored, encoded })
     };
-    let at_once = pictures_at_once(maps, capture, machine);
+    let at_once = pictures_at_once(maps, capture, near.as_ref().map(|(_, map)| map), machine);
     let all: Vec<usize> = (0..capture.infos.len()).collect();
     let mut pictures = Vec::with_capacity(all.len());
     for group in all.chunks(at_once) {
@@ -164,13 +187,19 @@ pub(crate) fn compare(
 }
 
 /// How many pictures are compared side by side within the memory that the asset leaves.
-fn pictures_at_once(maps: &RelightingMaps, capture: &OpenCapture, machine: &Machine) -> usize {
+fn pictures_at_once(
+    maps: &RelightingMaps,
+    capture: &OpenCapture,
+    positions: Option<&PositionMap>,
+    machine: &Machine,
+) -> usize {
     let texels: u64 = maps.planes.iter().map(|plane| plane.texels.bytes()).sum();
+    let points = positions.map_or(0, |map| size_of_val(&map.points[..]) as u64);
     // Relit and photographed in f32, encoded or widened once more, and as decoded.
     let whole = capture.infos[0].width as u64 * capture.infos[0].height as u64;
     // What a crop leaves out is decoded, too.
     let picture = maps.pixels() as u64 * 3 * 4 * 5 + (whole - maps.pixels() as u64) * 3 * 4;
-    let room = machine.memory.saturating_sub(texels) / picture.max(1);
+    let room = machine.memory.saturating_sub(texels + points) / picture.max(1);
     room.clamp(1, machine.threads as u64) as usize
 }
 

@@ -15,6 +15,7 @@ mod interrupt;
 mod job;
 mod light_options;
 mod lights;
+mod near;
 mod normals;
 mod notes;
 mod options;

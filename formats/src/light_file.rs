@@ -5,6 +5,7 @@
 //! never the order of lines alone.
 
 mod intensities;
+mod lamp_positions;
 mod matching;
 mod writing;
 

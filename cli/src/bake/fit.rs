@@ -3,11 +3,13 @@
 use super::fit_options::FitOptions;
 use super::making::Samples;
 use crate::failure::{Exit, Failure};
+use crate::interrupt;
 use relight_core::basis::Learned;
 use relight_core::{Basis, Design, FitFigures, Layout};
 use relight_fit::{
-    LIGHTS_PER_FUNCTION, LearnedFit, LeastSquares, LeaveOneOut, Misfit, PixelFit, Sample, WORST_CONDITION,
-    largest_usable, learned_bytes,
+    LIGHTS_PER_FUNCTION, LearnedFit, LeastSquares, LeaveOneOut, MOST_OFF, Misfit, NearLamps, NearSolutions,
+    PixelFit, RobustFit, Sample, WORST_CONDITION, largest_usable, learned_bytes, near_bytes,
+    near_least_squares,
 };
 use relight_formats::OpenCapture;
 use relight_texture::{TexelFormat, level_size};
@@ -73,6 +75,14 @@ impl Choice {
         }
     }
 
+    /// Bytes that near lamps take beyond those of fitting.
+    pub(super) fn near_bytes(&self, capture: &OpenCapture, threads: usize) -> u64 {
+        match &self.kind {
+            Kind::Functions(basis) => near_bytes(capture.infos.len(), basis.count(), threads),
+            Kind::Planes { .. } => 0,
+        }
+    }
+
     /// Bytes that [`solve`] takes for the pictures of `capture`, beyond those of fitting.
     pub(super) fn solving_bytes(&self, capture: &OpenCapture) -> u64 {
         match self.kind {
@@ -89,45 +99,63 @@ impl Choice {
 const MOST_PLANES: usize = 64;
 
 /// How coefficients come about.
-pub(crate) enum Solved {
+pub(crate) enum Solved<'a> {
     Functions(LeastSquares, Layout),
+    /// Of functions that follow most lights at each pixel.
+    Robust(RobustFit, Layout),
+    /// Of functions under lamps that each pixel sees from elsewhere.
+    Near(LeastSquares, NearSolutions<'a>, Layout),
     Planes(LearnedFit),
 }
 
 /// A solved fit.
-pub(crate) struct BakeFit {
-    pub(crate) solved: Solved,
+pub(crate) struct BakeFit<'a> {
+    pub(crate) solved: Solved<'a>,
     /// What the user should know: lowered orders, deficient lights, pictures that don't fit.
     pub(crate) notes: Vec<String>,
     pub(super) misfits: Vec<Misfit>,
 }
 
-impl Solved {
+impl Solved<'_> {
     pub(super) fn pixel_fit(&self) -> PixelFit<'_> {
         match self {
             Self::Functions(fit, layout) => (fit, *layout).into(),
+            Self::Near(fit, solutions, layout) => PixelFit::Near(fit, solutions, *layout),
+            Self::Robust(fit, layout) => PixelFit::Robust(fit, *layout),
             Self::Planes(fit) => fit.into(),
+        }
+    }
+
+    /// The fit of functions, where planes are not learned; of robust fits the one that they begin with.
+    pub(super) fn least_squares(&self) -> Option<&LeastSquares> {
+        match self {
+            Self::Functions(fit, _) | Self::Near(fit, ..) => Some(fit),
+            Self::Robust(fit, _) => Some(fit.least_squares()),
+            Self::Planes(_) => None,
         }
     }
 
     pub(crate) fn basis(&self) -> Basis {
         match self {
-            Self::Functions(fit, _) => fit.basis.clone(),
             Self::Planes(fit) => Basis::Learned(fit.basis.clone()),
+            Self::Functions(fit, _) | Self::Near(fit, ..) => fit.basis.clone(),
+            Self::Robust(fit, _) => fit.least_squares().basis.clone(),
         }
     }
 
     pub(crate) fn figures(&self) -> FitFigures {
         match self {
-            Self::Functions(fit, _) => fit.figures,
             Self::Planes(fit) => fit.figures,
+            Self::Functions(fit, _) | Self::Near(fit, ..) => fit.figures,
+            Self::Robust(fit, _) => fit.least_squares().figures,
         }
     }
 
     pub(crate) fn leave_one_out(&self) -> &LeaveOneOut {
         match self {
-            Self::Functions(fit, _) => &fit.leave_one_out,
             Self::Planes(fit) => &fit.leave_one_out,
+            Self::Functions(fit, _) | Self::Near(fit, ..) => &fit.leave_one_out,
+            Self::Robust(fit, _) => &fit.least_squares().leave_one_out,
         }
     }
 
@@ -136,6 +164,13 @@ impl Solved {
         match self {
             Self::Functions(fit, _) => {
                 format!("{} with {} functions", fit.basis.family().name, fit.basis.count())
+            }
+            Self::Robust(fit, _) => {
+                let basis = &fit.least_squares().basis;
+                format!("{} with {} functions, robust", basis.family().name, basis.count())
+            }
+            Self::Near(fit, ..) => {
+                format!("{} with {} functions under near lamps", fit.basis.family().name, fit.basis.count())
             }
             Self::Planes(fit) if fit.smoothing.is_some() => format!("pca with {} planes", fit.basis.planes()),
             Self::Planes(fit) => format!("{} in {} planes", fit.basis.origin(), fit.basis.planes()),
@@ -181,14 +216,15 @@ pub(super) fn choose_basis(arguments: &FitOptions, capture: &OpenCapture) -> Res
     Ok(Choice { kind: kind(basis), notes })
 }
 
-/// Solves the fit and examines it.
-pub(super) fn solve(
+/// Solves the fit and examines it; under near `lamps`, the samples are of pictures without their fall-off.
+pub(super) fn solve<'a>(
     arguments: &FitOptions,
     choice: &Choice,
     capture: &OpenCapture,
     layout: Layout,
     samples: &Samples<'_>,
-) -> Result<BakeFit, Failure> {
+    lamps: Option<&'a NearLamps>,
+) -> Result<BakeFit<'a>, Failure> {
     let directions = capture.capture.lights.directions();
     let Choice { kind, mut notes } = choice.clone();
     let least_squares = |basis: Basis, sample: &Sample, notes: &mut Vec<String>| -> Result<_, Failure> {
@@ -199,8 +235,39 @@ pub(super) fn solve(
     let (solved, misfits) = match kind {
         Kind::Functions(basis) => {
             let sample = samples.pictures()?;
-            let fit = least_squares(basis, sample, &mut notes)?;
-            (Solved::Functions(fit, layout), samples.misfits(capture, sample)?)
+            let misfits = samples.misfits(capture, sample)?;
+            match lamps {
+                None => {
+                    let fit = least_squares(basis, sample, &mut notes)?;
+                    let solved = match arguments.is_robust() {
+                        true => {
+                            notes.push(
+                                "errors of the fit and of prediction are those of plain least squares: --robust departs from \
+                                 shadows and highlights on purpose"
+                                    .to_owned(),
+                            );
+                            Solved::Robust(RobustFit::new(fit), layout)
+                        }
+                        false => Solved::Functions(fit, layout),
+                    };
+                    (solved, misfits)
+                }
+                Some(lamps) => {
+                    let (weighting, ridge) = (arguments.weighting(), arguments.ridge);
+                    let fit = near_least_squares(basis, lamps, weighting, ridge, samples.stack())?;
+                    notes.extend(deficiency(arguments, capture, &fit)?);
+                    let check = || Ok::<(), Failure>(interrupt::check()?);
+                    let solutions = NearSolutions::new(&fit, lamps, check)?;
+                    if solutions.off > MOST_OFF {
+                        notes.push(format!(
+                            "a lamp is so near that {} nodes are too few: between them relit pictures may be off by up to {:.3}",
+                            solutions.nodes(),
+                            solutions.off
+                        ));
+                    }
+                    (Solved::Near(fit, solutions, layout), misfits)
+                }
+            }
         }
         Kind::Planes { most, basis, .. } => {
             let sample = samples.channels()?;

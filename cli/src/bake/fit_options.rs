@@ -33,6 +33,10 @@ pub(crate) struct FitOptions {
     /// How strongly coefficients are held small: auto, or 0 to 1
     #[arg(long, value_name = "RIDGE", default_value = "auto", value_parser = ridge_of, allow_negative_numbers = true)]
     pub(super) ridge: Ridge,
+    /// Follow most lights at each pixel instead of all, so that shadows and highlights are left out: the matte layer;
+    /// for ptm, sh, hsh and srbf
+    #[arg(long)]
+    robust: bool,
     /// Weight of each light: by the area of its cell on the sphere, or all alike
     #[arg(long, value_name = "WEIGHTS", value_enum, default_value = "voronoi")]
     weights: Weights,
@@ -157,6 +161,9 @@ impl FitOptions {
                 );
                 return Err(Failure::usage(message));
             }
+            Color::Lrgb if self.robust => {
+                return Err(Failure::usage("--robust has no --color lrgb; leave one of them out"));
+            }
             Color::Lrgb => Layout::Lrgb,
             Color::Rgb if capture.is_grey() => Layout::Grey,
             Color::Rgb => Layout::Rgb,
@@ -171,6 +178,11 @@ impl FitOptions {
     pub(crate) fn with(&self, basis: &str, count: usize) -> Self {
         let functions = self.functions.with_count(count);
         Self { basis: Some(basis.to_owned()), functions, targets: TargetOptions::default(), ..self.clone() }
+    }
+
+    /// Whether most lights decide at each pixel rather than all.
+    pub(super) fn is_robust(&self) -> bool {
+        self.robust
     }
 
     /// The basis that is asked for.
@@ -194,7 +206,13 @@ impl FitOptions {
         if learned && self.planes.is_some() {
             return Err(Failure::usage("--planes is for ptm, sh, hsh and srbf; pca has -k"));
         }
-        Ok(learned || self.planes.is_some())
+        let learned = learned || self.planes.is_some();
+        if learned && self.robust {
+            return Err(Failure::usage(
+                "--robust weighs the lights of each pixel, which planes that all pixels share don't have: leave out --robust, or --basis pca and --planes",
+            ));
+        }
+        Ok(learned)
     }
 
     /// How `planes` planes at most are learned.

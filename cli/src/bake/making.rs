@@ -9,11 +9,11 @@ use crate::options::Machine;
 use crate::{interrupt, progress};
 use relight_core::{Layout, Model, Space, Stack};
 use relight_fit::{
-    ChannelSample, FitError, Misfit, Sample, coefficient_distributions, coefficient_sample, for_each_span,
-    misfits, span_bytes,
+    ChannelSample, FitError, Misfit, NearLamps, Sample, coefficient_distributions, coefficient_sample,
+    for_each_span, misfits, span_bytes,
 };
 use relight_formats::{
-    AssetFormat, AssetHeader, AssetPlan, AssetPositions, OpenCapture, Parts, PictureStack, WriteSettings,
+    AssetFormat, AssetHeader, AssetPlan, AssetPositions, OpenCapture, Parts, WriteSettings,
 };
 use relight_texture::{
     PackReport, TexelFormat, level_size, needs_rows, planes_of_layers, span_pixels, working_bytes,
@@ -58,6 +58,11 @@ pub(crate) struct Samples<'a> {
 impl<'a> Samples<'a> {
     pub(crate) fn new(stack: &'a dyn Stack) -> Self {
         Self { stack, pictures: OnceCell::new(), channels: OnceCell::new(), misfits: OnceCell::new() }
+    }
+
+    /// The pictures.
+    pub(super) fn stack(&self) -> &dyn Stack {
+        self.stack
     }
 
     pub(super) fn pictures(&self) -> Result<&Sample, Failure> {
@@ -138,8 +143,18 @@ impl<'a> Planned<'a> {
     }
 
     /// Solves its fit and examines it.
-    pub(crate) fn solve(&self, capture: &OpenCapture, samples: &Samples<'_>) -> Result<BakeFit, Failure> {
-        fit::solve(self.fit, &self.choice, capture, self.layout(), samples)
+    pub(crate) fn solve<'l>(
+        &self,
+        capture: &OpenCapture,
+        samples: &Samples<'_>,
+        lamps: Option<&'l NearLamps>,
+    ) -> Result<BakeFit<'l>, Failure> {
+        fit::solve(self.fit, &self.choice, capture, self.layout(), samples, lamps)
+    }
+
+    /// Bytes that solutions under near lamps take.
+    pub(crate) fn near_bytes(&self, capture: &OpenCapture, threads: usize) -> u64 {
+        self.choice.near_bytes(capture, threads)
     }
 }
 
@@ -169,8 +184,8 @@ fn common_span(assets: &[&Planned<'_>]) -> usize {
 /// The first gets `positions`; `check` is asked about the files of each before the first is begun.
 pub(crate) fn make(
     assets: &mut [&mut Planned<'_>],
-    fit: &BakeFit,
-    stack: &PictureStack,
+    fit: &BakeFit<'_>,
+    stack: &dyn Stack,
     mut positions: Option<AssetPositions>,
     machine: &Machine,
     stages: &mut Stages,

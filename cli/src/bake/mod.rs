@@ -9,6 +9,7 @@ pub(crate) mod textures;
 
 use crate::failure::Failure;
 use crate::holdout::Holdout;
+use crate::near::{NearOptions, surface_bytes};
 use crate::options::{Machine, MachineOptions, check_apart, check_writable};
 use crate::photograph_options::PhotographOptions;
 use crate::{evaluate, interrupt, notes, progress, sweep};
@@ -16,7 +17,8 @@ use clap::Args;
 pub(crate) use fit::BakeFit;
 pub(crate) use fit_options::{Color, FitOptions, TargetOptions};
 pub(crate) use making::{Made, Planned, Samples, bytes_beside, make};
-use relight_core::Space;
+use relight_core::{Space, Stack};
+use relight_fit::LevelledStack;
 use relight_formats::{
     AssetFormat, AssetPositions, OpenCapture, PictureStack, StackSettings, open_capture, place_of,
 };
@@ -35,6 +37,8 @@ pub(crate) struct BakeArguments {
     fit: FitOptions,
     #[command(flatten)]
     photographs: PhotographOptions,
+    #[command(flatten)]
+    near: NearOptions,
     #[command(flatten)]
     textures: textures::TextureOptions,
     #[command(flatten)]
@@ -81,11 +85,36 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let mut all = stages.time("open", || open_capture(&arguments.input))?;
     let whole = all.size();
     stages.time("adjust", || arguments.photographs.apply(&mut all, &machine, &spill_folder))?;
+    let (mut fitted, mut left_out) = split(&all, arguments.holdout.as_ref(), &arguments.photographs)?;
+    let mut scene_notes = Vec::new();
+    let wanted = arguments.positions.wanted(&machine, &mut scene_notes)?;
+    let map = match wanted || arguments.near.is_given() {
+        true => stages.time("positions", || {
+            arguments.positions.read(whole, arguments.photographs.crop(), machine.memory)
+        })?,
+        false => None,
+    };
+    if arguments.near.is_given() && arguments.fit.learns()? {
+        return Err(Failure::usage(
+            "--near fits functions of light; bake those of sh, hsh, srbf or ptm, and make planes of them with relight convert",
+        ));
+    }
+    if arguments.near.is_given() && arguments.fit.searches()? {
+        return Err(Failure::usage("--near fits one choice: leave targets out and give --basis and -k"));
+    }
+    if arguments.near.is_given() && arguments.fit.is_robust() {
+        return Err(Failure::usage("--near and --robust exclude each other; leave one of them out"));
+    }
+    let lamps = arguments.near.apply(&mut fitted, whole, map.as_ref(), &mut all.capture.notes)?;
+    let lamps_of_judges = match &mut left_out {
+        Some(judges) => arguments.near.apply(judges, whole, map.as_ref(), &mut Vec::new())?,
+        None => None,
+    };
     notes::print(&all.capture.notes);
-    let (fitted, left_out) = split(&all, arguments.holdout.as_ref(), &arguments.photographs)?;
     let judges =
         left_out.iter().flat_map(|judge| judge.capture.pictures.iter().chain([&judge.capture.light_file]));
-    let positions = arguments.positions.files().chain(arguments.photographs.files());
+    let positions =
+        arguments.positions.files().chain(arguments.photographs.files()).chain(arguments.near.files());
     let inputs: Vec<&PathBuf> =
         all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges).chain(positions).collect();
     check_apart(std::iter::once(&arguments.output).chain(&arguments.report), inputs.iter().copied())?;
@@ -104,37 +133,43 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     };
     let mut planned = Planned::new(&arguments.output, fit, textures, &fitted, space, &machine)?;
 
-    let mut scene_notes = Vec::new();
-    let wanted = arguments.positions.wanted(&machine, &mut scene_notes)?;
-    let precision = arguments.positions.precision(format, &arguments.output, wanted)?;
-    let positions = match precision {
-        Some(precision) => stages
-            .time("positions", || {
-                arguments.positions.read(whole, arguments.photographs.crop(), machine.memory)
-            })?
-            .map(|map| AssetPositions { map, precision }),
-        None => None,
-    };
+    let stored = wanted && !(lamps.is_some() && format.positions.is_empty());
+    if wanted && !stored {
+        scene_notes
+            .push(format!("{}: holds no positions; they serve --near alone", arguments.output.display()));
+    }
+    let precision = arguments.positions.precision(format, &arguments.output, stored)?;
+    let positions = precision.zip(map).map(|(precision, map)| AssetPositions { map, precision });
     let position_bytes = positions.as_ref().map_or(0, |positions| size_of_val(&positions.map.points[..]));
 
-    let beside = bytes_beside(&[&planned], &fitted, &machine).saturating_add(position_bytes as u64);
-    let stack = stages.time("decode", || load(&fitted, space, &machine, beside, &spill_folder))?;
-    let mut fit = stages.time("solve", || planned.solve(&fitted, &Samples::new(&stack)))?;
+    let near = lamps.as_ref().map_or(0, |_| planned.near_bytes(&fitted, machine.threads));
+    let beside = [position_bytes as u64, surface_bytes(lamps.as_ref()), near]
+        .into_iter()
+        .fold(bytes_beside(&[&planned], &fitted, &machine), u64::saturating_add);
+    let pictures = stages.time("decode", || load(&fitted, space, &machine, beside, &spill_folder))?;
+    let levelled =
+        lamps.as_ref().map(|lamps| LevelledStack { stack: &pictures, lamps, space, level: machine.level });
+    let stack: &dyn Stack = levelled.as_ref().map_or(&pictures, |levelled| levelled);
+    let mut fit = stages.time("solve", || planned.solve(&fitted, &Samples::new(stack), lamps.as_ref()))?;
     let position_facts = positions.as_ref().map(positions::PositionFacts::of);
     let check =
         |outputs: &[PathBuf]| check_apart(outputs.iter().chain(&arguments.report), inputs.iter().copied());
-    let mut made = make(&mut [&mut planned], &fit, &stack, positions, &machine, &mut stages, &check)?;
+    let mut made = make(&mut [&mut planned], &fit, stack, positions, &machine, &mut stages, &check)?;
     let Made { plan, packed, .. } = made.swap_remove(0);
     fit.notes.extend(found.as_ref().map(|found| found.why.clone()));
     fit.notes.append(&mut scene_notes);
     fit.notes.extend(textures::size_note(&plan.packing, fitted.size().0, fitted.size().1));
     fit.notes.extend(position_facts.as_ref().and_then(|facts| facts.note.clone()));
-    let spilled = stack.spilled_bytes();
-    drop(stack);
+    let spilled = pictures.spilled_bytes();
+    drop(pictures);
 
     let judged = match &left_out {
         Some(capture) => {
-            Some(stages.time("hold-out", || evaluate::evaluate(&arguments.output, capture, &machine))?)
+            let lamps = lamps_of_judges.as_ref();
+            Some(
+                stages
+                    .time("hold-out", || evaluate::evaluate(&arguments.output, capture, lamps, &machine))?,
+            )
         }
         None => None,
     };

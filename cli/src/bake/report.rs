@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// Everything that a report tells.
 pub(super) struct Summary<'a> {
-    pub(super) fit: &'a BakeFit,
+    pub(super) fit: &'a BakeFit<'a>,
     pub(super) fitted: &'a OpenCapture,
     /// What was noteworthy about the capture's files.
     pub(super) notes: &'a [String],
@@ -123,10 +123,7 @@ impl Summary<'_> {
     pub(super) fn json(&self, output: &Path) -> String {
         let fit = &self.fit.solved;
         let (figures, errors) = (fit.figures(), fit.leave_one_out());
-        let weight = |light: usize| match fit {
-            Solved::Functions(fit, _) => fit.decomposition.weights[light],
-            Solved::Planes(_) => 1.0,
-        };
+        let weight = |light: usize| fit.least_squares().map_or(1.0, |fit| fit.decomposition.weights[light]);
         let names = &self.fitted.capture.lights.lights;
         let lights: Vec<Value> = names
             .iter()
@@ -165,15 +162,20 @@ impl Summary<'_> {
             "seconds": stages,
             "spilled_bytes": self.spilled,
         });
-        let solution = match fit {
-            Solved::Functions(fit, _) => json!({
+        let mut solution = fit.least_squares().map_or(json!({}), |fit| {
+            json!({
                 "ridge": fit.ridge,
                 "rank": fit.decomposition.rank(),
                 "condition": finite(fit.decomposition.condition()),
                 "singular_values": fit.decomposition.singular_values,
-            }),
-            Solved::Planes(fit) => json!({ "smoothing": fit.smoothing, "energy": fit.energy }),
-        };
+            })
+        });
+        if let Solved::Planes(fit) = fit {
+            solution = json!({ "smoothing": fit.smoothing, "energy": fit.energy });
+        }
+        if let Solved::Near(_, solutions, _) = fit {
+            report["near"] = json!({ "nodes": solutions.nodes(), "off": solutions.off });
+        }
         if let (Some(report), Value::Object(solution)) = (report.as_object_mut(), solution) {
             report.extend(solution);
         }

@@ -86,8 +86,12 @@ impl<'a> Bench<'a> {
     }
 
     /// The fit that choices of a group share.
-    pub(super) fn solve(&self, planned: &Planned<'_>, stages: &mut Stages) -> Result<BakeFit, Failure> {
-        stages.time("solve", || planned.solve(self.opened.fitted, &self.samples))
+    pub(super) fn solve(
+        &self,
+        planned: &Planned<'_>,
+        stages: &mut Stages,
+    ) -> Result<BakeFit<'static>, Failure> {
+        stages.time("solve", || planned.solve(self.opened.fitted, &self.samples, None))
     }
 
     /// Makes the assets of choices that share a fit, and measures them.
@@ -109,7 +113,7 @@ impl<'a> Bench<'a> {
     /// The same of a fit that is solved already.
     pub(super) fn measure_fit(
         &self,
-        fit: &BakeFit,
+        fit: &BakeFit<'_>,
         points: &[&GridPoint],
         planned: &mut [Planned<'_>],
         check: &dyn Fn(&[PathBuf]) -> Result<(), Failure>,
@@ -143,7 +147,7 @@ impl<'a> Bench<'a> {
                             Some(judges) => Ok(judges[i].clone()),
                             None => Ok(capture.photograph(i, machine.level, machine.memory)?),
                         };
-                        let evaluation = evaluate::compare(maps, capture, machine, &photograph)?;
+                        let evaluation = evaluate::compare(maps, capture, None, machine, &photograph)?;
                         Ok(Judged::of_left_out(&evaluation))
                     }
                     _ => Ok(Judged::predicted(fit, made.packed.relit_rmse, fitted)),

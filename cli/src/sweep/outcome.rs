@@ -82,7 +82,7 @@ impl Judged {
 
     /// By the closed form: each light as the others predict it, and what storing adds, independent of that.
     /// Lights that nothing predicts don't count.
-    pub(crate) fn predicted(fit: &BakeFit, storing_rmse: f64, capture: &OpenCapture) -> Self {
+    pub(crate) fn predicted(fit: &BakeFit<'_>, storing_rmse: f64, capture: &OpenCapture) -> Self {
         let of_lights = fit.solved.leave_one_out().left_out.iter().zip(&capture.capture.lights.lights);
         let lights: Vec<LightFigure> = of_lights
             .filter(|(rmse, _)| rmse.is_finite())
@@ -103,7 +103,7 @@ impl Judged {
 /// The figures of `point` without its times.
 pub(crate) fn outcome_of(
     point: &GridPoint,
-    fit: &BakeFit,
+    fit: &BakeFit<'_>,
     made: &Made,
     judged: Judged,
     planes: usize,

@@ -60,7 +60,7 @@ pub(crate) fn search(
     let decoded = opened.decode(&groups, stages)?;
     let bench = Bench::new(opened, &decoded, false);
 
-    let mut solved: Vec<(&Choice, BakeFit)> = Vec::new();
+    let mut solved: Vec<(&Choice, BakeFit<'_>)> = Vec::new();
     let mut candidates = Vec::new();
     for (choice, planned) in &usable {
         if solved.last().is_none_or(|(other, _)| !other.same_fit(choice)) {

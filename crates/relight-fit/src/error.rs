@@ -42,6 +42,13 @@ pub enum FitError {
         /// What they were to become.
         to: Layout,
     },
+    /// A near lamp in the middle of the surface, or at no finite place.
+    LampInTheMiddle {
+        /// Index of the light.
+        light: usize,
+    },
+    /// Positions of which none is on a surface.
+    NoSurface,
     /// Functions that can't be stored.
     Basis(BasisError),
     /// The pictures could not be read back.
@@ -77,6 +84,13 @@ impl fmt::Display for FitError {
                 "planes of layout {from:?} don't become planes of layout {to:?} by sums; bake the pictures, or keep the \
                  layout"
             ),
+            Self::LampInTheMiddle { light } => write!(
+                f,
+                "lamp {light} (from 0) stands in the middle of the surface, or nowhere; give where it was, from there"
+            ),
+            Self::NoSurface => {
+                write!(f, "no pixel has a surface, so lamps are near to nothing; give positions with points")
+            }
             Self::Basis(error) => write!(f, "{error}"),
             Self::Stack(error) => write!(f, "{error}"),
         }

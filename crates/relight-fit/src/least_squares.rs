@@ -56,9 +56,22 @@ impl LeastSquares {
         sample: &Sample,
     ) -> Result<Self, FitError> {
         let decomposition = Decomposition::new(&basis, directions, weighting)?;
-        let judge = |ridge: f64| {
+        Self::judged(basis, decomposition, ridge, |decomposition, ridge| {
             let solution = decomposition.solution(ridge);
-            let errors = LeaveOneOut::of(&decomposition, &solution, sample);
+            let errors = LeaveOneOut::of(decomposition, &solution, sample);
+            (solution, errors)
+        })
+    }
+
+    /// The fit whose ridge is the one that `judge` finds best; it gives the solution with a ridge and its errors.
+    pub(crate) fn judged(
+        basis: Basis,
+        decomposition: Decomposition,
+        ridge: Ridge,
+        judge: impl Fn(&Decomposition, f64) -> (Vec<f64>, LeaveOneOut),
+    ) -> Result<Self, FitError> {
+        let judge = |ridge: f64| {
+            let (solution, errors) = judge(&decomposition, ridge);
             let predicted = errors.cross_validation(&decomposition.weights);
             (ridge, solution, errors, predicted)
         };

@@ -15,6 +15,7 @@ mod least_squares;
 mod leave_one_out;
 mod median;
 mod misfit;
+mod near;
 mod normals;
 mod photometric_stereo;
 mod poisson;
@@ -37,6 +38,10 @@ pub use least_squares::{LeastSquares, Ridge};
 pub use leave_one_out::LeaveOneOut;
 pub use median::median;
 pub use misfit::{Misfit, misfits};
+pub use near::{
+    AT_SURFACE, LevelledStack, MOST_OFF, NearLamps, NearSolutions, NearSurface, Vignetting, near_bytes,
+    near_least_squares,
+};
 pub use normals::{NormalError, NormalMap, normal_error, normal_map, normal_map_bytes};
 pub use photometric_stereo::{COPLANAR, NormalMethod, PhotometricStereo, SurfaceNormal};
 pub use rebin::{

@@ -4,8 +4,10 @@
 //! all lights fits the L2 cache, is read once and multiplied once; spans are the unit of parallel
 //! work and of writing. Spans and tiles depend on the pictures only, never on threads or memory.
 
+use crate::near::NearScratch;
 use crate::refit::{ChannelRefit, Refit};
-use crate::{FitError, LearnedFit, LeastSquares};
+use crate::robust::Work;
+use crate::{FitError, LearnedFit, LeastSquares, NearSolutions, RobustFit};
 use rayon::prelude::*;
 use relight_core::weighted_sums::{Rows, weighted_sums};
 use relight_core::{CoefficientDistribution, CoefficientMap, CoefficientSample, CoefficientSpan};
@@ -16,7 +18,7 @@ use std::sync::{Mutex, PoisonError};
 pub const SPAN: usize = 8192;
 
 /// Bytes of f32 values that a tile of all lights may take: a part of every L2 cache since 2015.
-const TILE_BYTES: usize = 384 << 10;
+pub(crate) const TILE_BYTES: usize = 384 << 10;
 
 /// Pixels of a tile: what fits [`TILE_BYTES`], a multiple of 16 samples for the kernel's lanes.
 pub(crate) fn tile_pixels(lights: usize, channels: usize) -> usize {
@@ -37,6 +39,11 @@ pub fn span_bytes(lights: usize, functions: usize, span_pixels: usize) -> u64 {
 pub enum PixelFit<'a> {
     /// Coefficients of functions, in a layout other than shared.
     Functions(&'a LeastSquares, Layout),
+    /// The same under lamps that each pixel sees from elsewhere; the pictures are those of a
+    /// [`LevelledStack`](crate::LevelledStack).
+    Near(&'a LeastSquares, &'a NearSolutions<'a>, Layout),
+    /// Coefficients of functions that follow most lights at each pixel, three planes a function or one.
+    Robust(&'a RobustFit, Layout),
     /// Learned planes.
     Planes(&'a LearnedFit),
     /// Planes of another basis; the pictures are those of a [`PlaneStack`](crate::PlaneStack).
@@ -64,7 +71,7 @@ impl<'a> From<&'a Refit> for PixelFit<'a> {
 impl PixelFit<'_> {
     fn layout(self) -> Layout {
         match self {
-            Self::Functions(_, layout) => layout,
+            Self::Functions(_, layout) | Self::Near(_, _, layout) | Self::Robust(_, layout) => layout,
             Self::Planes(_) => Layout::Shared,
             Self::Refit(refit) => refit.layout,
         }
@@ -73,16 +80,18 @@ impl PixelFit<'_> {
     /// Rows of coefficients.
     fn maps(self) -> usize {
         match self {
-            Self::Functions(fit, _) => fit.basis.count(),
+            Self::Functions(fit, _) | Self::Near(fit, ..) => fit.basis.count(),
+            Self::Robust(fit, _) => fit.least_squares().basis.count(),
             Self::Planes(fit) => fit.basis.planes(),
             Self::Refit(refit) => refit.maps(),
         }
     }
 
-    /// The matrix as the kernel takes it; a refit has one for each channel of its own.
+    /// The matrix as the kernel takes it, that of the middle under near lamps; a refit has one for each channel of its own.
     fn matrix(self) -> Vec<f32> {
         match self {
-            Self::Functions(fit, _) => fit.solution_f32(),
+            Self::Functions(fit, _) | Self::Near(fit, ..) => fit.solution_f32(),
+            Self::Robust(fit, _) => fit.least_squares().solution_f32(),
             Self::Planes(fit) => fit.projection_f32(),
             Self::Refit(_) => Vec::new(),
         }
@@ -132,6 +141,23 @@ impl<'a> Fitting<'a> {
         }
         Ok(Self { stack, fit, matrix: fit.matrix(), level })
     }
+
+    /// Coefficients of functions from all lights' samples, `channels` a pixel, from pixel `first` on.
+    fn solve(
+        &self,
+        near: &mut NearScratch,
+        (first, channels): (usize, usize),
+        input: Rows<&[f32]>,
+        output: Rows<&mut [f32]>,
+        width: usize,
+    ) {
+        match self.fit {
+            PixelFit::Near(_, solutions, _) => {
+                solutions.sums(near, self.level, (first, channels), input, output, width);
+            }
+            _ => weighted_sums(self.level, &self.matrix, self.stack.lights(), input, output, width),
+        }
+    }
 }
 
 /// Buffers of one thread.
@@ -142,6 +168,8 @@ struct Scratch {
     luminance: Vec<f32>,
     coefficients: Vec<f32>,
     base_color: Vec<f32>,
+    near: NearScratch,
+    robust: Work,
 }
 
 impl Scratch {
@@ -152,8 +180,11 @@ impl Scratch {
         pixels: usize,
     ) -> Result<CoefficientSpan<'_>, FitError> {
         match fitting.fit {
-            PixelFit::Functions(fit, Layout::Lrgb) => self.fit_luminance(fitting, fit, first, pixels)?,
-            PixelFit::Functions(..) => self.fit_channels(fitting, first, pixels)?,
+            PixelFit::Functions(fit, Layout::Lrgb) | PixelFit::Near(fit, _, Layout::Lrgb) => {
+                self.fit_luminance(fitting, fit, first, pixels)?;
+            }
+            PixelFit::Functions(..) | PixelFit::Near(..) => self.fit_channels(fitting, first, pixels)?,
+            PixelFit::Robust(fit, _) => self.fit_robustly(fitting, fit, first, pixels)?,
             PixelFit::Planes(_) => self.fit_planes(fitting, first, pixels)?,
             PixelFit::Refit(refit) => self.refit(fitting, refit, first, pixels)?,
         }
@@ -161,7 +192,7 @@ impl Scratch {
     }
 
     fn fit_channels(&mut self, fitting: &Fitting<'_>, first: usize, pixels: usize) -> Result<(), FitError> {
-        let Fitting { stack, matrix: solution, level, .. } = fitting;
+        let Fitting { stack, matrix: solution, .. } = fitting;
         let (lights, channels) = (stack.lights(), stack.channels());
         let samples = pixels * channels;
         let rows = stack.rows(first * channels..(first + pixels) * channels)?;
@@ -175,7 +206,43 @@ impl Scratch {
             }
             let input = Rows { samples: &self.tile[..], stride };
             let output = Rows { samples: &mut self.coefficients[start..], stride: samples };
-            weighted_sums(*level, solution, lights, input, output, width);
+            let place = (first + start / channels, channels);
+            fitting.solve(&mut self.near, place, input, output, width);
+        }
+        Ok(())
+    }
+
+    /// Each pixel with weights of its own for the lights.
+    fn fit_robustly(
+        &mut self,
+        fitting: &Fitting<'_>,
+        fit: &RobustFit,
+        first: usize,
+        pixels: usize,
+    ) -> Result<(), FitError> {
+        let stack = fitting.stack;
+        let (lights, channels) = (stack.lights(), stack.channels());
+        let rows = stack.rows(first * channels..(first + pixels) * channels)?;
+        let stride = tile_pixels(lights, channels) * channels;
+        let functions = fit.least_squares().basis.count();
+        self.tile.resize(lights * stride, 0.0);
+        self.coefficients.resize(functions * pixels * channels, 0.0);
+        let (mut samples, mut found) = (vec![0.0; lights * channels], vec![0.0; functions * channels]);
+        for start in (0..pixels * channels).step_by(stride) {
+            let width = stride.min(pixels * channels - start);
+            for (light, row) in self.tile.chunks_exact_mut(stride).enumerate() {
+                rows.copy(light, start, &mut row[..width]);
+            }
+            for at in (0..width).step_by(channels) {
+                for (values, row) in samples.chunks_exact_mut(channels).zip(self.tile.chunks_exact(stride)) {
+                    values.copy_from_slice(&row[at..at + channels]);
+                }
+                fit.pixel(&samples, channels, &mut self.robust, &mut found);
+                let rows = self.coefficients.chunks_exact_mut(pixels * channels);
+                for (row, values) in rows.zip(found.chunks_exact(channels)) {
+                    row[start + at..][..channels].copy_from_slice(values);
+                }
+            }
         }
         Ok(())
     }
@@ -272,7 +339,7 @@ impl Scratch {
         first: usize,
         pixels: usize,
     ) -> Result<(), FitError> {
-        let Fitting { stack, matrix: solution, level, .. } = fitting;
+        let Fitting { stack, matrix: solution, .. } = fitting;
         let lights = stack.lights();
         let rows = stack.rows(first * 3..(first + pixels) * 3)?;
         let stride = tile_pixels(lights, 4);
@@ -297,7 +364,7 @@ impl Scratch {
             }
             let input = Rows { samples: &self.luminance[..], stride };
             let output = Rows { samples: &mut self.coefficients[start..], stride: pixels };
-            weighted_sums(*level, solution, lights, input, output, width);
+            fitting.solve(&mut self.near, (first + start, 1), input, output, width);
             for (x, [r, g, b, square]) in products.into_iter().enumerate() {
                 let largest = r.max(g).max(b);
                 let lit = largest > 0.0 && square > 0.0 && largest.is_finite() && square.is_finite();

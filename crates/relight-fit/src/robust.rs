@@ -26,8 +26,8 @@ const LEAST_DEVIATION: f64 = 0.5 / 255.0;
 /// is fixed: the same pixel has the same bits everywhere.
 /// Source: Holland, Welsch, *Robust regression using iteratively reweighted least-squares*, 1977.
 #[derive(Clone, Debug)]
-pub struct RobustFit<'a> {
-    fit: &'a LeastSquares,
+pub struct RobustFit {
+    fit: LeastSquares,
     /// N x k (k + 1) / 2: the products of a light's functions, lower triangle by rows.
     pairs: Vec<f64>,
     /// Ridge times the largest singular value squared.
@@ -45,9 +45,9 @@ pub(crate) struct Work {
     right: Vec<f64>,
 }
 
-impl<'a> RobustFit<'a> {
+impl RobustFit {
     /// Of the functions, weights and ridge of `fit`.
-    pub fn new(fit: &'a LeastSquares) -> Self {
+    pub fn new(fit: LeastSquares) -> Self {
         let decomposition = &fit.decomposition;
         let row = |functions: &[f64]| {
             let of = |(i, a): (usize, &f64)| functions[..=i].iter().map(|b| a * b).collect::<Vec<_>>();
@@ -62,7 +62,7 @@ impl<'a> RobustFit<'a> {
 
     /// The fit whose functions these are.
     pub fn least_squares(&self) -> &LeastSquares {
-        self.fit
+        &self.fit
     }
 
     /// Coefficients of a pixel from its `samples`, N x channels: k x channels in `coefficients`.
@@ -204,7 +204,7 @@ mod tests {
                         if i < 3 || (family == "ptm" && i >= 15) { 0.5 } else { 0.02 * (i % 5) as f32 - 0.04 }
                     })
                     .collect();
-            let robust = RobustFit::new(&fit);
+            let robust = RobustFit::new(fit.clone());
             let worst = |samples: &[f32]| {
                 let mut found = vec![0.0f32; count * 3];
                 robust.pixel(samples, 3, &mut Work::default(), &mut found);
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn black_constant_and_undetermined_pixels_are_finite() {
         let fit = least_squares("hsh", 16, &fibonacci_in(Cap { axis: Direction::OUT, radius: 1.3 }, 12));
-        let robust = RobustFit::new(&fit);
+        let robust = RobustFit::new(fit.clone());
         for value in [0.0f32, 1.0, 1e4] {
             let mut found = vec![f32::NAN; 16];
             robust.pixel(&[value; 12], 1, &mut Work::default(), &mut found);

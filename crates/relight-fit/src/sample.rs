@@ -24,6 +24,15 @@ pub struct Sample {
 /// Lights up to which all runs are taken: the inner products of N pictures cost N^2 a sample.
 const LIGHTS_FOR_ALL_RUNS: usize = 500;
 
+/// `count` pixels of a picture of `pixels`, or all of them, as [`Sample::of`] spreads its runs.
+pub(crate) fn spread_pixels(pixels: usize, count: usize) -> Vec<usize> {
+    if pixels <= RUN * count {
+        let count = count.min(pixels);
+        return (0..count).map(|i| (2 * i + 1) * pixels / (2 * count)).collect();
+    }
+    run_starts(pixels, count).into_iter().map(|start| start + RUN / 2).collect()
+}
+
 /// Runs taken from `lights` pictures.
 fn runs_for(lights: usize) -> usize {
     let square = |n: usize| n * n;

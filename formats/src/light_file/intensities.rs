@@ -1,14 +1,13 @@
 //! Intensity files: how bright the lamp of each picture was, a line `name factor` or `name r g b` for each, or numbers alone
 //! in the order of the light file.
 
-use super::matching::{Folder, MOST_LISTED};
+use super::matching::lines_of_pictures;
 use super::{
     LARGEST_FILE, MOST_LIGHTS, decode_text, lines, number_from_field, read_bytes, shortened,
     split_last_field, unquoted,
 };
 use crate::FormatError;
 use crate::capture_folder::OpenCapture;
-use std::collections::HashMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -157,7 +156,12 @@ impl IntensityFile {
         let invalid = |problem: String| FormatError::invalid(&self.path, problem);
         let pictures = capture.infos.len();
         let entries = match self.entries.iter().all(|entry| entry.name.is_some()) {
-            true => self.by_name(capture)?,
+            true => {
+                let lines =
+                    self.entries.iter().map(|entry| (entry.name.as_deref().unwrap_or_default(), entry.line));
+                let found = lines_of_pictures(&self.path, lines, capture, "name factor")?;
+                found.into_iter().map(|at| &self.entries[at]).collect()
+            }
             false => {
                 let first = &self.entries[0];
                 // The first is the number of pictures where that leaves as many as there are.
@@ -182,51 +186,6 @@ impl IntensityFile {
             )));
         }
         Ok(entries.into_iter().map(|entry| entry.factors).collect())
-    }
-
-    /// The line of every picture.
-    fn by_name(&self, capture: &OpenCapture) -> Result<Vec<&IntensityEntry>, FormatError> {
-        let invalid = |problem: String| FormatError::invalid(&self.path, problem);
-        let capture = &capture.capture;
-        let folder = Folder::read(&capture.light_file)?;
-        let lights = capture.lights.lights.iter().enumerate();
-        let by_name: HashMap<&str, usize> = lights.map(|(i, light)| (light.name.as_str(), i)).collect();
-        let pictures = capture.pictures.iter().enumerate();
-        let by_path: HashMap<&Path, usize> = pictures.map(|(i, path)| (path.as_path(), i)).collect();
-        let mut found: Vec<Option<&IntensityEntry>> = vec![None; capture.pictures.len()];
-        for entry in &self.entries {
-            let name = entry.name.as_deref().unwrap_or_default();
-            let index = match by_name.get(name) {
-                Some(index) => Some(*index),
-                None => {
-                    let file = folder.find(name, entry.line).map_err(invalid)?;
-                    file.and_then(|file| by_path.get(file.path.as_path()).copied())
-                }
-            };
-            let Some(index) = index else { continue };
-            if let Some(first) = found[index].replace(entry) {
-                return Err(invalid(format!(
-                    "lines {} and {} both name '{}'; remove one of them",
-                    first.line, entry.line, capture.lights.lights[index].name
-                )));
-            }
-        }
-        let missing: Vec<&str> = found
-            .iter()
-            .zip(&capture.lights.lights)
-            .filter(|(entry, _)| entry.is_none())
-            .map(|(_, light)| light.name.as_str())
-            .collect();
-        if !missing.is_empty() {
-            let listed = missing[..missing.len().min(MOST_LISTED)].join("', '");
-            let more = if missing.len() > MOST_LISTED { " and more" } else { "" };
-            return Err(invalid(format!(
-                "{} of {} pictures have no line: '{listed}'{more}; add 'name factor' for each",
-                missing.len(),
-                found.len()
-            )));
-        }
-        Ok(found.into_iter().flatten().collect())
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{LightEntry, LightFile};
 use crate::FormatError;
+use crate::capture_folder::OpenCapture;
 use crate::picture::has_picture_extension;
 use relight_core::{Light, LightSet};
 use std::cmp::Ordering;
@@ -11,7 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Most missing names that a message lists.
-pub(super) const MOST_LISTED: usize = 5;
+const MOST_LISTED: usize = 5;
 
 /// Likeness of two names, 0..1, from which one is proposed for the other.
 const SIMILAR: f64 = 0.7;
@@ -107,15 +108,72 @@ pub fn unmatched(file: &LightFile) -> Result<Unmatched, FormatError> {
     Ok(Unmatched { entries: entries.map(|(entry, _)| entry.clone()).collect(), pictures })
 }
 
+/// The line of every picture of `capture`, in its order: indices into `lines`, which are names and line numbers of another
+/// file. Lines of pictures that the capture lacks are passed over.
+///
+/// Names are those of the capture's light file, or are found as [`match_pictures`] finds them. `path` is that of the lines, `form`
+/// how a line that is missing should look.
+///
+/// # Errors
+/// [`FormatError::Invalid`] naming pictures without a line, two lines of one picture, or a name that several files match;
+/// [`FormatError::Io`] when the capture's folder can't be read.
+pub(super) fn lines_of_pictures<'a>(
+    path: &Path,
+    lines: impl Iterator<Item = (&'a str, usize)>,
+    capture: &OpenCapture,
+    form: &str,
+) -> Result<Vec<usize>, FormatError> {
+    let invalid = |problem: String| FormatError::invalid(path, problem);
+    let capture = &capture.capture;
+    let folder = Folder::read(&capture.light_file)?;
+    let lights = capture.lights.lights.iter().enumerate();
+    let by_name: HashMap<&str, usize> = lights.map(|(i, light)| (light.name.as_str(), i)).collect();
+    let pictures = capture.pictures.iter().enumerate();
+    let by_path: HashMap<&Path, usize> = pictures.map(|(i, path)| (path.as_path(), i)).collect();
+    let mut found: Vec<Option<(usize, usize)>> = vec![None; capture.pictures.len()];
+    for (at, (name, line)) in lines.enumerate() {
+        let index = match by_name.get(name) {
+            Some(index) => Some(*index),
+            None => {
+                let file = folder.find(name, line).map_err(invalid)?;
+                file.and_then(|file| by_path.get(file.path.as_path()).copied())
+            }
+        };
+        let Some(index) = index else { continue };
+        if let Some((_, first)) = found[index].replace((at, line)) {
+            return Err(invalid(format!(
+                "lines {first} and {line} both name '{}'; remove one of them",
+                capture.lights.lights[index].name
+            )));
+        }
+    }
+    let missing: Vec<&str> = found
+        .iter()
+        .zip(&capture.lights.lights)
+        .filter(|(entry, _)| entry.is_none())
+        .map(|(_, light)| light.name.as_str())
+        .collect();
+    if !missing.is_empty() {
+        let listed = missing[..missing.len().min(MOST_LISTED)].join("', '");
+        let more = if missing.len() > MOST_LISTED { " and more" } else { "" };
+        return Err(invalid(format!(
+            "{} of {} pictures have no line: '{listed}'{more}; add '{form}' for each",
+            missing.len(),
+            found.len()
+        )));
+    }
+    Ok(found.into_iter().flatten().map(|(at, _)| at).collect())
+}
+
 /// A picture that a line names.
-pub(super) struct Found {
-    pub(super) path: PathBuf,
+struct Found {
+    path: PathBuf,
     /// Whether the line gives it another extension.
     is_other_extension: bool,
 }
 
 /// The folder of a light file, with its files under the forms of name that are looked for.
-pub(super) struct Folder {
+struct Folder {
     path: PathBuf,
     /// Sorted by name, numbers by value.
     names: Vec<OsString>,
@@ -126,7 +184,7 @@ pub(super) struct Folder {
 
 impl Folder {
     /// The folder that `light_file` is in.
-    pub(super) fn read(light_file: &Path) -> Result<Self, FormatError> {
+    fn read(light_file: &Path) -> Result<Self, FormatError> {
         let path = match light_file.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
             _ => PathBuf::from("."),
@@ -157,7 +215,7 @@ impl Folder {
     }
 
     /// The file that line `line` means by `name`.
-    pub(super) fn find(&self, name: &str, line: usize) -> Result<Option<Found>, String> {
+    fn find(&self, name: &str, line: usize) -> Result<Option<Found>, String> {
         let found = |path| Ok(Some(Found { path, is_other_extension: false }));
         let relative = PathBuf::from(name.replace('\\', "/"));
         if relative.components().count() > 1 && relative.is_relative() && self.path.join(&relative).is_file()

@@ -11,6 +11,7 @@ mod hard_lights;
 mod hard_pictures;
 mod learned;
 mod leave_one_out;
+mod near;
 mod normals;
 mod pictures;
 mod recovery;
