@@ -18,11 +18,19 @@ use std::sync::{Mutex, PoisonError};
 pub const SPAN: usize = 8192;
 
 /// Bytes of f32 values that a tile of all lights may take: a part of every L2 cache since 2015.
-pub(crate) const TILE_BYTES: usize = 384 << 10;
+const TILE_BYTES: usize = 384 << 10;
+
+/// Bytes of a tile under near lamps, whose pixels are put in the order of their cells: some rows of these, so that there are
+/// many pixels to a cell. It fits no L2 cache, but what is multiplied at a time, the pixels of one cell, does.
+pub(crate) const NEAR_TILE_BYTES: usize = 4 << 20;
 
 /// Pixels of a tile: what fits [`TILE_BYTES`], a multiple of 16 samples for the kernel's lanes.
 pub(crate) fn tile_pixels(lights: usize, channels: usize) -> usize {
-    let pixels = TILE_BYTES / (4 * lights.max(1) * channels);
+    pixels_within(TILE_BYTES, lights, channels)
+}
+
+fn pixels_within(bytes: usize, lights: usize, channels: usize) -> usize {
+    let pixels = bytes / (4 * lights.max(1) * channels);
     (pixels / 16 * 16).clamp(16, SPAN)
 }
 
@@ -142,6 +150,12 @@ impl<'a> Fitting<'a> {
         Ok(Self { stack, fit, matrix: fit.matrix(), level })
     }
 
+    /// Pixels of a tile of pictures.
+    fn tile_pixels(&self, channels: usize) -> usize {
+        let bytes = if matches!(self.fit, PixelFit::Near(..)) { NEAR_TILE_BYTES } else { TILE_BYTES };
+        pixels_within(bytes, self.stack.lights(), channels)
+    }
+
     /// Coefficients of functions from all lights' samples, `channels` a pixel, from pixel `first` on.
     fn solve(
         &self,
@@ -196,7 +210,7 @@ impl Scratch {
         let (lights, channels) = (stack.lights(), stack.channels());
         let samples = pixels * channels;
         let rows = stack.rows(first * channels..(first + pixels) * channels)?;
-        let stride = tile_pixels(lights, channels) * channels;
+        let stride = fitting.tile_pixels(channels) * channels;
         self.tile.resize(lights * stride, 0.0);
         self.coefficients.resize(solution.len() / lights * samples, 0.0);
         for start in (0..samples).step_by(stride) {
@@ -342,7 +356,7 @@ impl Scratch {
         let Fitting { stack, matrix: solution, .. } = fitting;
         let lights = stack.lights();
         let rows = stack.rows(first * 3..(first + pixels) * 3)?;
-        let stride = tile_pixels(lights, 4);
+        let stride = fitting.tile_pixels(4);
         self.tile.resize(stride * 3, 0.0);
         self.luminance.resize(lights * stride, 0.0);
         self.coefficients.resize(solution.len() / lights * pixels, 0.0);

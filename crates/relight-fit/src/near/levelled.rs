@@ -103,10 +103,14 @@ impl StackRows for LevelledRows<'_> {
 /// A number for each sample from one for each pixel; the first sample is of channel `phase`.
 fn by_sample(of_pixels: &[f32], channels: usize, phase: usize) -> Vec<f32> {
     let mut of_samples = vec![0.0; of_pixels.len() * channels];
-    for (samples, value) in of_samples.chunks_exact_mut(channels).zip(of_pixels) {
-        samples.fill(*value);
+    match channels {
+        3 => of_samples.as_chunks_mut().0.iter_mut().zip(of_pixels).for_each(|(rgb, v)| *rgb = [*v; 3]),
+        _ => of_samples.copy_from_slice(of_pixels),
     }
-    of_samples.split_off(phase)
+    if phase > 0 {
+        of_samples.drain(..phase);
+    }
+    of_samples
 }
 
 /// Gains of linear light along pixels.

@@ -5,7 +5,7 @@
 //! between nodes it is linear along each axis. Cells are halved until that is exact enough.
 
 use super::{NearLamps, absolute_ridge, ridge_solution};
-use crate::rebin::{SPAN, TILE_BYTES};
+use crate::rebin::{NEAR_TILE_BYTES, SPAN};
 use crate::row_products::combination;
 use crate::{FitError, LeastSquares};
 use rayon::prelude::*;
@@ -15,9 +15,11 @@ use relight_core::{CpuLevel, Vectorized};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 
-/// How far a relit picture of a fitted lamp may be off in the middle of a cell, whatever values from 0 to 1 the pictures have:
-/// a step of 8 bits. It is the worst case over all pictures; those there are stay far below it.
-pub const MOST_OFF: f64 = 1.0 / 255.0;
+/// How far a relit picture of a fitted lamp may be off in the middle of a cell, whatever values from 0 to 1 the pictures have.
+///
+/// It is the worst case over all pictures: noise is off by a fortieth of that in root mean square, a tenth of a step of 8 bits
+/// (`fit/tests/fit/near.rs`), and photographs by less.
+pub const MOST_OFF: f64 = 1.0 / 64.0;
 
 /// How often (N + k) k^2 may be worked through for the nodes; some ten seconds of one thread.
 const MOST_WORK: f64 = 5e9;
@@ -40,7 +42,7 @@ pub fn near_bytes(lights: usize, functions: usize, threads: usize) -> u64 {
     // Nodes twice, while they are put in order.
     let nodes = 2 * most_nodes(lights, functions) * lights * functions * size_of::<f32>();
     // Pixels in the order of their cells, products and sums of a tile, and where a span's pixels are.
-    let tile = TILE_BYTES + 2 * TILE_BYTES * functions / lights.max(1) + 16 * SPAN;
+    let tile = 2 * NEAR_TILE_BYTES + 2 * NEAR_TILE_BYTES * functions / lights.max(1) + 48 * SPAN;
     (nodes + threads * tile) as u64
 }
 
@@ -203,8 +205,9 @@ impl<'a> NearSolutions<'a> {
             gathered.resize(lights * input.stride, 0.0);
             for (to, from) in gathered.chunks_exact_mut(input.stride).zip(input.samples.chunks(input.stride))
             {
-                for (to, (_, pixel)) in to.chunks_exact_mut(channels).zip(&*order) {
-                    to.copy_from_slice(&from[*pixel as usize * channels..][..channels]);
+                match channels {
+                    3 => gather(from.as_chunks::<3>().0, to.as_chunks_mut().0, order),
+                    _ => gather(from.as_chunks::<1>().0, to.as_chunks_mut().0, order),
                 }
             }
             &gathered[..]
@@ -242,6 +245,15 @@ impl<'a> NearSolutions<'a> {
             start += group.len();
         }
     }
+}
+
+/// The pixels of a row in the order in which they are taken.
+fn gather<const CHANNELS: usize>(
+    from: &[[f32; CHANNELS]],
+    to: &mut [[f32; CHANNELS]],
+    order: &[([u32; 3], u32)],
+) {
+    to.iter_mut().zip(order).for_each(|(to, (_, pixel))| *to = from[*pixel as usize]);
 }
 
 /// `sums[r][x] += weights[x] * products[r][x]`.

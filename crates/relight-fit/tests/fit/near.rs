@@ -329,7 +329,7 @@ fn nodes_stay_few_under_a_lamp_that_all_but_touches_the_surface() {
         near.off
     };
     assert!(of(9.0) <= MOST_OFF);
-    assert!(of(0.05) > MOST_OFF);
+    assert!(of(0.02) > MOST_OFF);
 }
 
 #[test]
