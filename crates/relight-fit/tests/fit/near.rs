@@ -276,6 +276,26 @@ fn a_lamp_at_or_behind_the_surface_counts_nothing_there() {
 }
 
 #[test]
+fn five_lamps_for_six_functions_give_their_pictures_back() {
+    let (size, positions) = ((30, 20), dome(5));
+    let lamps = NearLamps::new(positions.clone(), plane(size), None).unwrap();
+    let pictures = Pictures::of((5, size, 1), |light, pixel, _| 0.5 + 0.5 * random(light, pixel));
+    let basis = basis_of("ptm", 6, lamps.directions());
+    let fit = near_least_squares(basis.clone(), &lamps, LightWeights::Voronoi, Ridge::Fixed(0.0), &pictures)
+        .unwrap();
+    let near = NearSolutions::new::<FitError>(&fit, &lamps, || Ok(())).unwrap();
+    let pixel_fit = PixelFit::Near(&fit, &near, Layout::Grey);
+    let (found, _) = coefficients(&pictures, pixel_fit, CpuLevel::detect(), 8192, 6);
+    for (pixel, point) in points_of(&lamps).into_iter().enumerate() {
+        for (light, row) in design(&basis, &positions, point).iter().enumerate() {
+            let value: f64 = row.iter().zip(&found).map(|(a, c)| a * f64::from(c[pixel])).sum();
+            let off = (value - f64::from(pictures.rows[light][pixel])).abs();
+            assert!(off < MOST_OFF, "pixel {pixel}, light {light}: {off}");
+        }
+    }
+}
+
+#[test]
 fn left_out_errors_are_those_of_fits_without_the_light() {
     // As few pixels as are judged all.
     let (size, lights) = ((5, 4), 14);
