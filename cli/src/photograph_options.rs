@@ -78,6 +78,11 @@ impl PhotographOptions {
         self.intensities.iter()
     }
 
+    /// These options without the names of files, which count by their contents.
+    pub(crate) fn without_names(&self) -> Self {
+        Self { intensities: None, ..self.clone() }
+    }
+
     /// The part that is used.
     pub(crate) fn crop(&self) -> Option<Crop> {
         self.crop

@@ -4,7 +4,7 @@
 
 mod scene;
 
-use scene::{icon72, names_in, relight, relight_words};
+use scene::{copy_icon72, icon72, names_in, relight, relight_words};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -166,6 +166,29 @@ fn an_interrupted_sweep_goes_on_and_ends_the_same() {
 }
 
 #[test]
+fn figures_are_taken_up_wherever_the_pictures_lie_and_only_of_the_same_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    copy_icon72(&here.join("one"), 4);
+    fs::write(here.join("lamps.txt"), "1\n".repeat(18)).unwrap();
+    let sweep = |capture: &str, lamps: &str| {
+        let line = ["sweep", capture, "-o", "out", "--axes", "basis=ptm", "--crop", "64x48+160+180", "--intensities", lamps];
+        relight_words(here, &line).ok().stderr
+    };
+    sweep("one", "lamps.txt");
+    fs::rename(here.join("one"), here.join("another place")).unwrap();
+    fs::rename(here.join("lamps.txt"), here.join("l.txt")).unwrap();
+    assert!(sweep("another place", "l.txt").contains("1 of 1 choices are taken up"));
+    let picture = here.join("another place").join("image05.jpg");
+    let mut bytes = fs::read(&picture).unwrap();
+    bytes.push(0);
+    fs::write(&picture, bytes).unwrap();
+    assert!(!sweep("another place", "l.txt").contains("taken up"));
+    fs::write(here.join("l.txt"), "2\n".repeat(18)).unwrap();
+    assert!(!sweep("another place", "l.txt").contains("taken up"));
+}
+
+#[test]
 fn left_out_pictures_judge_as_evaluate_does() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
@@ -202,6 +225,8 @@ fn what_is_no_sweep_is_refused() {
     refused("-o out --axes basis=fourier", 2, "unknown basis 'fourier'");
     refused("-o out --axes block=bc9", 2, "--axes block: write none, auto or a format");
     refused("-o out --axes basis=ptm,k=7", 2, "none of the families has 7 functions");
+    refused("-o out --axes basis,k --basis sh", 2, "leave out --basis");
+    assert!(!here.join("out").exists(), "nothing was made");
     refused("-o missing/out/x.json/ --axes k --holdout every:1", 2, "every:N");
     assert_eq!(fs::read(here.join("file")).unwrap(), b"mine");
     let missing = relight(here, "sweep nowhere.lp -o out2");

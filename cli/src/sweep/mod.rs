@@ -22,6 +22,7 @@ use bench::Bench;
 pub(crate) use bench::Opened;
 use clap::{Args, ValueEnum};
 use outcome::Outcome;
+use relight_core::Family;
 use relight_fit::LIGHTS_PER_FUNCTION;
 use relight_formats::{OpenCapture, open_capture};
 use std::path::{Path, PathBuf};
@@ -95,17 +96,16 @@ pub(crate) fn run(arguments: &SweepArguments) -> Result<(), Failure> {
         let message = format!("{} is a file; -o names a folder for a sweep", folder.display());
         return Err(Failure::usage(message));
     }
-    let spill = spill_folder(&folder.join("report.json"));
+    let spill = spill_folder(folder);
     let mut stages = Stages::default();
     let mut all = stages.time("open", || open_capture(&arguments.input))?;
-    relight_formats::create_folder(folder)?;
     stages.time("adjust", || arguments.photographs.apply(&mut all, &machine, &spill))?;
     notes::print(&all.capture.notes);
     let (fitted, left_out) = split(&all, arguments.holdout.as_ref(), &arguments.photographs)?;
     let space = arguments.fit.space(&all);
     let opened = Opened { fitted: &fitted, left_out: left_out.as_ref(), space, machine, spill: &spill };
 
-    let axes = arguments.axes.clone().unwrap_or_default();
+    let axes = arguments.axes()?;
     let (points, skipped) = carried(axes.grid()?, &fitted);
     notes::print(&skipped);
     let choices: Vec<Choice> = points
@@ -125,6 +125,9 @@ pub(crate) fn run(arguments: &SweepArguments) -> Result<(), Failure> {
             choices.len(),
             folder.display()
         )]);
+    }
+    if arguments.json {
+        results.outcomes.iter().flatten().for_each(say_json);
     }
     results.fill(&choices, &missing, &opened, &check, &mut stages, arguments.json)?;
     let outcomes = results.complete();
@@ -158,13 +161,34 @@ pub(crate) fn run(arguments: &SweepArguments) -> Result<(), Failure> {
     summary.check()
 }
 
+/// A line of JSON for a choice.
+fn say_json(outcome: &Outcome) {
+    // Plain structs of text and finite numbers always become JSON.
+    say!("{}", serde_json::to_string(outcome).unwrap_or_default());
+}
+
+impl SweepArguments {
+    /// What varies: all usual axes but those that options pin, or what --axes says.
+    fn axes(&self) -> Result<Axes, Failure> {
+        let (basis, count) = (self.fit.asked_basis(), self.fit.asked_count()?);
+        match &self.axes {
+            None => Ok(Axes::free(basis, count, &self.textures)),
+            Some(_) if basis.is_some() || count.is_some() => Err(Failure::usage(
+                "--axes says which bases and how many functions: leave out --basis, -k, --order and --degree",
+            )),
+            Some(axes) => Ok(axes.clone()),
+        }
+    }
+}
+
 /// The points that the lights carry, and a sentence for each family of which some are left out.
 fn carried(points: Vec<GridPoint>, capture: &OpenCapture) -> (Vec<GridPoint>, Vec<String>) {
     let lights = capture.infos.len();
     let channels = if capture.is_grey() { 1 } else { 3 };
-    let carries = |point: &GridPoint| match point.basis {
-        "pca" => point.count < lights * channels,
-        _ => lights as f64 >= LIGHTS_PER_FUNCTION * point.count as f64,
+    let is_learned = |point: &GridPoint| Family::by_name(point.basis).is_some_and(|family| family.learned);
+    let carries = |point: &GridPoint| match is_learned(point) {
+        true => point.count < lights * channels,
+        false => lights as f64 >= LIGHTS_PER_FUNCTION * point.count as f64,
     };
     let (kept, left): (Vec<_>, Vec<_>) = points.into_iter().partition(carries);
     let mut sentences: Vec<String> = left
@@ -195,13 +219,14 @@ pub(crate) fn files_of<'a>(
 
 /// What a measured choice depends on beside its own options.
 fn key_of(arguments: &SweepArguments, inputs: &[&PathBuf]) -> Result<String, Failure> {
+    // Files count by their contents, which are among the inputs.
+    let holdout = arguments.holdout.as_ref().filter(|holdout| !matches!(holdout, Holdout::File(_)));
     let settings = format!(
-        "{} {:?} {:?} {:?} {:?}",
+        "{} {:?} {:?} {:?} {holdout:?}",
         env!("CARGO_PKG_VERSION"),
         arguments.fit.with("", 0),
         arguments.textures,
-        arguments.photographs,
-        arguments.holdout,
+        arguments.photographs.without_names(),
     );
     Ok(relight_formats::content_key(&settings, inputs.iter().map(|path| path.as_path()))?)
 }
@@ -270,7 +295,7 @@ impl<'a> Results<'a> {
                 };
                 outcome::keep(&Self::path(self.folder, &choices[index].point), self.key, &outcome)?;
                 if json {
-                    say!("{}", serde_json::to_string(&outcome).unwrap_or_default());
+                    say_json(&outcome);
                 }
                 self.outcomes[index] = Some(outcome);
             }
