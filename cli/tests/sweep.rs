@@ -172,7 +172,18 @@ fn figures_are_taken_up_wherever_the_pictures_lie_and_only_of_the_same_ones() {
     copy_icon72(&here.join("one"), 4);
     fs::write(here.join("lamps.txt"), "1\n".repeat(18)).unwrap();
     let sweep = |capture: &str, lamps: &str| {
-        let line = ["sweep", capture, "-o", "out", "--axes", "basis=ptm", "--crop", "64x48+160+180", "--intensities", lamps];
+        let line = [
+            "sweep",
+            capture,
+            "-o",
+            "out",
+            "--axes",
+            "basis=ptm",
+            "--crop",
+            "64x48+160+180",
+            "--intensities",
+            lamps,
+        ];
         relight_words(here, &line).ok().stderr
     };
     sweep("one", "lamps.txt");
