@@ -3,7 +3,7 @@
 use crate::bake::textures::TextureOptions;
 use crate::failure::Failure;
 use relight_core::Family;
-use relight_core::basis::FAMILIES;
+use relight_core::basis::{Counts, FAMILIES};
 use std::str::FromStr;
 
 /// Numbers of functions that are tried where none are named: few enough for a table, from small to what a capture of
@@ -101,12 +101,12 @@ impl FromStr for Axes {
 }
 
 impl Axes {
-    /// The usual axes but for those that options pin.
+    /// The usual axes but for those that options pin; of a family that is pinned alone, all its sizes.
     pub(crate) fn free(basis: Option<&str>, count: Option<usize>, textures: &TextureOptions) -> Self {
         let usual = Self::default();
         Self {
             basis: basis.map(|name| vec![name.to_owned()]),
-            counts: count.map(|count| vec![count]),
+            counts: count.map(|count| vec![count]).or(basis.and_then(all_counts)),
             block: if textures.asks_for_storage() { vec![None] } else { usual.block.clone() },
             ..usual
         }
@@ -169,6 +169,14 @@ impl Axes {
                 usual.map_or(vec![family.default_count], |(_, counts)| counts.to_vec())
             }
         }
+    }
+}
+
+/// All numbers of functions of a family, where they are a list.
+fn all_counts(basis: &str) -> Option<Vec<usize>> {
+    match Family::by_name(basis)?.counts {
+        Counts::Listed(list) => Some(list.to_vec()),
+        Counts::UpTo(_) => None,
     }
 }
 
