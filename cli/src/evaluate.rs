@@ -193,7 +193,7 @@ fn pictures_at_once(
     positions: Option<&PositionMap>,
     machine: &Machine,
 ) -> usize {
-    let texels: u64 = maps.planes.iter().map(|plane| plane.texels.bytes()).sum();
+    let texels = maps.texel_bytes();
     let points = positions.map_or(0, |map| size_of_val(&map.points[..]) as u64);
     // Relit and photographed in f32, encoded or widened once more, and as decoded.
     let whole = capture.infos[0].width as u64 * capture.infos[0].height as u64;

@@ -103,8 +103,7 @@ pub(crate) fn run(arguments: &VerifyArguments) -> Result<(), Failure> {
     let reference = read_asset(judge, left)?;
     check_comparable(&arguments.asset, &packed, judge, &reference)?;
     if arguments.mode != Mode::Native {
-        let planes: u64 = reference.planes.iter().map(|plane| plane.texels.bytes()).sum();
-        check_floats_fit(&packed, left.saturating_sub(planes))?;
+        check_floats_fit(&packed, left.saturating_sub(reference.texel_bytes()))?;
     }
     let lights = lights(arguments, &packed)?;
     let gpu = Gpu::open(arguments.backend).map_err(|error| {

@@ -12,7 +12,7 @@ use relight_fit::{
     near_least_squares,
 };
 use relight_formats::OpenCapture;
-use relight_texture::{TexelFormat, level_size};
+use relight_texture::TexelFormat;
 
 /// What to fit.
 #[derive(Clone)]
@@ -51,8 +51,7 @@ impl Choice {
         let &[format] = formats else {
             return Err(Failure::usage("--budget-bytes needs one format; --block auto has --bits-per-pixel"));
         };
-        let layer: u64 =
-            (0..levels).map(|l| format.layer_bytes(level_size(width, l), level_size(height, l))).sum();
+        let layer = format.levels_bytes(width, height, levels);
         let layers = budget / layer.max(1);
         if layers == 0 {
             let message = format!(
@@ -100,12 +99,37 @@ const MOST_PLANES: usize = 64;
 
 /// How coefficients come about.
 pub(crate) enum Solved<'a> {
-    Functions(LeastSquares, Layout),
-    /// Of functions that follow most lights at each pixel.
-    Robust(RobustFit, Layout),
-    /// Of functions under lamps that each pixel sees from elsewhere.
-    Near(LeastSquares, NearSolutions<'a>, Layout),
-    Planes(LearnedFit),
+    Functions(Box<FunctionFit<'a>>, Layout),
+    Planes(Box<LearnedFit>),
+}
+
+/// Ways to coefficients of functions.
+pub(crate) enum FunctionFit<'a> {
+    /// One matrix for all pixels.
+    Plain(LeastSquares),
+    /// Following most lights at each pixel.
+    Robust(RobustFit),
+    /// Under lamps that each pixel sees from elsewhere.
+    Near(LeastSquares, NearSolutions<'a>),
+}
+
+impl FunctionFit<'_> {
+    /// The fit that it is, or begins with.
+    pub(super) fn least_squares(&self) -> &LeastSquares {
+        match self {
+            Self::Plain(fit) | Self::Near(fit, _) => fit,
+            Self::Robust(fit) => fit.least_squares(),
+        }
+    }
+
+    /// What sets it apart, in words.
+    fn words(&self) -> &'static str {
+        match self {
+            Self::Plain(_) => "",
+            Self::Robust(_) => ", robust",
+            Self::Near(..) => " under near lamps",
+        }
+    }
 }
 
 /// A solved fit.
@@ -119,43 +143,33 @@ pub(crate) struct BakeFit<'a> {
 impl Solved<'_> {
     pub(super) fn pixel_fit(&self) -> PixelFit<'_> {
         match self {
-            Self::Functions(fit, layout) => (fit, *layout).into(),
-            Self::Near(fit, solutions, layout) => PixelFit::Near(fit, solutions, *layout),
-            Self::Robust(fit, layout) => PixelFit::Robust(fit, *layout),
-            Self::Planes(fit) => fit.into(),
-        }
-    }
-
-    /// The fit of functions, where planes are not learned; of robust fits the one that they begin with.
-    pub(super) fn least_squares(&self) -> Option<&LeastSquares> {
-        match self {
-            Self::Functions(fit, _) | Self::Near(fit, ..) => Some(fit),
-            Self::Robust(fit, _) => Some(fit.least_squares()),
-            Self::Planes(_) => None,
+            Self::Functions(fit, layout) => match &**fit {
+                FunctionFit::Plain(fit) => (fit, *layout).into(),
+                FunctionFit::Robust(fit) => PixelFit::Robust(fit, *layout),
+                FunctionFit::Near(fit, solutions) => PixelFit::Near(fit, solutions, *layout),
+            },
+            Self::Planes(fit) => (&**fit).into(),
         }
     }
 
     pub(crate) fn basis(&self) -> Basis {
         match self {
+            Self::Functions(fit, _) => fit.least_squares().basis.clone(),
             Self::Planes(fit) => Basis::Learned(fit.basis.clone()),
-            Self::Functions(fit, _) | Self::Near(fit, ..) => fit.basis.clone(),
-            Self::Robust(fit, _) => fit.least_squares().basis.clone(),
         }
     }
 
     pub(crate) fn figures(&self) -> FitFigures {
         match self {
+            Self::Functions(fit, _) => fit.least_squares().figures,
             Self::Planes(fit) => fit.figures,
-            Self::Functions(fit, _) | Self::Near(fit, ..) => fit.figures,
-            Self::Robust(fit, _) => fit.least_squares().figures,
         }
     }
 
     pub(crate) fn leave_one_out(&self) -> &LeaveOneOut {
         match self {
+            Self::Functions(fit, _) => &fit.least_squares().leave_one_out,
             Self::Planes(fit) => &fit.leave_one_out,
-            Self::Functions(fit, _) | Self::Near(fit, ..) => &fit.leave_one_out,
-            Self::Robust(fit, _) => &fit.least_squares().leave_one_out,
         }
     }
 
@@ -163,14 +177,8 @@ impl Solved<'_> {
     pub(crate) fn words(&self) -> String {
         match self {
             Self::Functions(fit, _) => {
-                format!("{} with {} functions", fit.basis.family().name, fit.basis.count())
-            }
-            Self::Robust(fit, _) => {
                 let basis = &fit.least_squares().basis;
-                format!("{} with {} functions, robust", basis.family().name, basis.count())
-            }
-            Self::Near(fit, ..) => {
-                format!("{} with {} functions under near lamps", fit.basis.family().name, fit.basis.count())
+                format!("{} with {} functions{}", basis.family().name, basis.count(), fit.words())
             }
             Self::Planes(fit) if fit.smoothing.is_some() => format!("pca with {} planes", fit.basis.planes()),
             Self::Planes(fit) => format!("{} in {} planes", fit.basis.origin(), fit.basis.planes()),
@@ -236,21 +244,20 @@ pub(super) fn solve<'a>(
         Kind::Functions(basis) => {
             let sample = samples.pictures()?;
             let misfits = samples.misfits(capture, sample)?;
-            match lamps {
+            let fit = match lamps {
                 None => {
                     let fit = least_squares(basis, sample, &mut notes)?;
-                    let solved = match arguments.is_robust() {
+                    match arguments.is_robust() {
                         true => {
                             notes.push(
                                 "errors of the fit and of prediction are those of plain least squares: --robust departs from \
                                  shadows and highlights on purpose"
                                     .to_owned(),
                             );
-                            Solved::Robust(RobustFit::new(fit), layout)
+                            FunctionFit::Robust(RobustFit::new(fit))
                         }
-                        false => Solved::Functions(fit, layout),
-                    };
-                    (solved, misfits)
+                        false => FunctionFit::Plain(fit),
+                    }
                 }
                 Some(lamps) => {
                     let (weighting, ridge) = (arguments.weighting(), arguments.ridge);
@@ -265,9 +272,10 @@ pub(super) fn solve<'a>(
                             solutions.off
                         ));
                     }
-                    (Solved::Near(fit, solutions, layout), misfits)
+                    FunctionFit::Near(fit, solutions)
                 }
-            }
+            };
+            (Solved::Functions(Box::new(fit), layout), misfits)
         }
         Kind::Planes { most, basis, .. } => {
             let sample = samples.channels()?;
@@ -283,7 +291,7 @@ pub(super) fn solve<'a>(
             if found < most && !arguments.targets.any() {
                 notes.push(format!("the pictures have no more than {found} planes of the {most} asked for"));
             }
-            (Solved::Planes(fit), samples.misfits(capture, &sample.of_pictures)?)
+            (Solved::Planes(Box::new(fit)), samples.misfits(capture, &sample.of_pictures)?)
         }
     };
     let name = |light: usize| &capture.capture.lights.lights[light].name;

@@ -5,6 +5,7 @@ use crate::function_options::{FunctionOptions, family_of_name, size_of};
 use crate::options::ByteCount;
 use clap::{Args, ValueEnum};
 use relight_core::basis::SrbfDesign;
+use relight_core::metrics::psnr;
 use relight_core::{Family, Layout, Space};
 use relight_fit::{LearnedDesign, LightWeights, Ridge};
 use relight_formats::OpenCapture;
@@ -87,7 +88,7 @@ impl TargetOptions {
 
     /// The PSNR to reach, of which an error is another name where all lights err alike.
     fn psnr(&self) -> Option<f64> {
-        self.target_psnr.or(self.target_error.map(|error| -20.0 * libm::log10(error)))
+        self.target_psnr.or(self.target_error.map(psnr))
     }
 }
 

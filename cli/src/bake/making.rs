@@ -3,21 +3,16 @@
 use super::Stages;
 use super::fit::{self, BakeFit, Choice};
 use super::fit_options::FitOptions;
-use super::textures::{self, Plan, TextureOptions};
+use super::textures::{self, Plan, TextureOptions, Trial};
 use crate::failure::Failure;
 use crate::options::Machine;
 use crate::{interrupt, progress};
-use relight_core::{Layout, Model, Space, Stack};
-use relight_fit::{
-    ChannelSample, FitError, Misfit, NearLamps, Sample, coefficient_distributions, coefficient_sample,
-    for_each_span, misfits, span_bytes,
-};
+use relight_core::{Model, Space, Stack};
+use relight_fit::{ChannelSample, FitError, Misfit, NearLamps, Sample, for_each_span, misfits, span_bytes};
 use relight_formats::{
     AssetFormat, AssetHeader, AssetPlan, AssetPositions, OpenCapture, Parts, WriteSettings,
 };
-use relight_texture::{
-    PackReport, TexelFormat, level_size, needs_rows, planes_of_layers, span_pixels, working_bytes,
-};
+use relight_texture::{PackReport, TexelFormat, needs_rows, planes_of_layers, span_pixels, working_bytes};
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -127,19 +122,13 @@ impl<'a> Planned<'a> {
     /// Bytes of its texels in all levels, of the first of the formats that it may have.
     pub(crate) fn texel_bytes(&self) -> u64 {
         let Some(&format) = self.formats.first() else { return 0 };
-        let layer = |l: usize| format.layer_bytes(level_size(self.size.0, l), level_size(self.size.1, l));
         let layers = planes_of_layers(&self.model, format).len() as u64;
-        layers * (0..self.levels).map(layer).sum::<u64>()
+        layers * format.levels_bytes(self.size.0, self.size.1, self.levels)
     }
 
     /// Pixels of a span that suits its writer.
     fn span_pixels(&self) -> usize {
         span_pixels(self.size.0, needs_rows(self.formats.iter().copied(), self.levels))
-    }
-
-    /// The layout of its planes.
-    pub(crate) fn layout(&self) -> Layout {
-        self.model.layout
     }
 
     /// Solves its fit and examines it.
@@ -149,7 +138,7 @@ impl<'a> Planned<'a> {
         samples: &Samples<'_>,
         lamps: Option<&'l NearLamps>,
     ) -> Result<BakeFit<'l>, Failure> {
-        fit::solve(self.fit, &self.choice, capture, self.layout(), samples, lamps)
+        fit::solve(self.fit, &self.choice, capture, self.model.layout, samples, lamps)
     }
 
     /// Bytes that solutions under near lamps take.
@@ -197,23 +186,17 @@ pub(crate) fn make(
     }
     let assets: Vec<&Planned<'_>> = assets.iter().map(|asset| &**asset).collect();
     let needs_ranges = |asset: &&Planned<'_>| asset.formats.iter().any(|&f| asset.format.needs_ranges(f));
+    let (pixel_fit, level) = (fit.solved.pixel_fit(), machine.level);
     let distributions = stages.time("ranges", || match assets.iter().any(needs_ranges) {
-        true => coefficient_distributions::<Failure>(stack, fit.solved.pixel_fit(), machine.level, || {
-            Ok(interrupt::check()?)
-        }),
+        true => textures::distributions(stack, pixel_fit, level),
         false => Ok(Vec::new()),
     })?;
     let plans = stages.time("formats", || -> Result<Vec<_>, Failure> {
         let trial = match assets.iter().any(|asset| asset.textures.tries()) {
-            true => Some(textures::Trial {
-                sample: coefficient_sample(
-                    stack,
-                    fit.solved.pixel_fit(),
-                    machine.level,
-                    textures::TRIAL_BLOCKS,
-                )?,
-                left_out: fit.solved.leave_one_out().left_out.clone(),
-            }),
+            true => {
+                let left_out = fit.solved.leave_one_out().left_out.clone();
+                Some(Trial::of(stack, pixel_fit, level, left_out)?)
+            }
             false => None,
         };
         let plan = |asset: &&Planned<'_>| {
@@ -244,7 +227,7 @@ pub(crate) fn make(
     let bar = progress::bar("fitting", stack.pixels());
     let packed = stages.time("fit and write", || -> Result<Vec<_>, Failure> {
         let span = common_span(&assets);
-        for_each_span::<Failure>(stack, fit.solved.pixel_fit(), machine.level, span, |span| {
+        for_each_span::<Failure>(stack, pixel_fit, level, span, |span| {
             for (writer, nanoseconds) in &writers {
                 interrupt::check()?;
                 let start = Instant::now();

@@ -199,12 +199,8 @@ fn search(
     stages: &mut Stages,
 ) -> Result<sweep::Found, Failure> {
     let folder = relight_formats::ScratchFolder::beside(&arguments.output)?;
-    let name = arguments.output.extension().map_or("asset".into(), |extension| {
-        let mut name = std::ffi::OsString::from("asset.");
-        name.push(extension);
-        name
-    });
-    let scratch = folder.path().join(name);
+    let scratch =
+        folder.path().join("asset").with_extension(arguments.output.extension().unwrap_or_default());
     sweep::search(opened, &arguments.fit, &arguments.textures, &scratch, stages)
 }
 

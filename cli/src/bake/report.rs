@@ -1,7 +1,7 @@
 //! What a bake says for itself: a few lines on standard output, everything in `--report`.
 
 use super::Stages;
-use super::fit::{BakeFit, Solved};
+use super::fit::{BakeFit, FunctionFit, Solved};
 use super::positions::PositionFacts;
 use super::textures::Plan;
 use crate::evaluate::Evaluation;
@@ -73,9 +73,7 @@ impl Summary<'_> {
 
     /// The formats of the textures, each once.
     fn format_names(&self) -> String {
-        let mut names: Vec<_> = self.plan.packing.formats().map(TexelFormat::name).collect();
-        names.dedup();
-        names.join(" and ")
+        self.plan.packing.format_names().join(" and ")
     }
 
     /// What storing each plane cost, in the order of the model's planes.
@@ -123,7 +121,10 @@ impl Summary<'_> {
     pub(super) fn json(&self, output: &Path) -> String {
         let fit = &self.fit.solved;
         let (figures, errors) = (fit.figures(), fit.leave_one_out());
-        let weight = |light: usize| fit.least_squares().map_or(1.0, |fit| fit.decomposition.weights[light]);
+        let weight = |light: usize| match fit {
+            Solved::Functions(fit, _) => fit.least_squares().decomposition.weights[light],
+            Solved::Planes(_) => 1.0,
+        };
         let names = &self.fitted.capture.lights.lights;
         let lights: Vec<Value> = names
             .iter()
@@ -162,18 +163,21 @@ impl Summary<'_> {
             "seconds": stages,
             "spilled_bytes": self.spilled,
         });
-        let mut solution = fit.least_squares().map_or(json!({}), |fit| {
-            json!({
-                "ridge": fit.ridge,
-                "rank": fit.decomposition.rank(),
-                "condition": finite(fit.decomposition.condition()),
-                "singular_values": fit.decomposition.singular_values,
-            })
-        });
-        if let Solved::Planes(fit) = fit {
-            solution = json!({ "smoothing": fit.smoothing, "energy": fit.energy });
-        }
-        if let Solved::Near(_, solutions, _) = fit {
+        let solution = match fit {
+            Solved::Functions(fit, _) => {
+                let fit = fit.least_squares();
+                json!({
+                    "ridge": fit.ridge,
+                    "rank": fit.decomposition.rank(),
+                    "condition": finite(fit.decomposition.condition()),
+                    "singular_values": fit.decomposition.singular_values,
+                })
+            }
+            Solved::Planes(fit) => json!({ "smoothing": fit.smoothing, "energy": fit.energy }),
+        };
+        if let Solved::Functions(fit, _) = fit
+            && let FunctionFit::Near(_, solutions) = &**fit
+        {
             report["near"] = json!({ "nodes": solutions.nodes(), "off": solutions.off });
         }
         if let (Some(report), Value::Object(solution)) = (report.as_object_mut(), solution) {

@@ -1,10 +1,14 @@
 //! From options and the planes' distributions to where every plane lies: formats, scale and bias.
 
 use crate::failure::{Exit, Failure};
+use crate::interrupt;
 use crate::options::WrapChoice;
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
-use relight_core::{CoefficientDistribution, CoefficientSample, CoefficientSpan, Layout, Model};
+use relight_core::{
+    CoefficientDistribution, CoefficientSample, CoefficientSpan, CpuLevel, Layout, Model, Stack,
+};
+use relight_fit::{PixelFit, coefficient_distributions, coefficient_sample};
 use relight_formats::{AssetFormat, WriteSettings, plane_names};
 use relight_texture::{
     ArrayPlan, BlockCoding, BlockFormat, Budget, Candidate, ChoiceError, Coding, Encoder, LayerPlan,
@@ -131,7 +135,7 @@ const AUTO: [&[TexelFormat]; 2] = [
 ];
 
 /// Blocks of 4 x 4 pixels on which formats are tried.
-pub(crate) const TRIAL_BLOCKS: usize = 1024;
+const TRIAL_BLOCKS: usize = 1024;
 
 /// A row of trial blocks.
 const TRIAL_ROW: usize = 32;
@@ -153,9 +157,36 @@ type ArrayLayers = (TexelFormat, Vec<Vec<usize>>);
 
 /// On what formats are tried.
 pub(crate) struct Trial {
-    pub(crate) sample: CoefficientSample,
+    sample: CoefficientSample,
     /// Root mean square error of predicting each light from the others.
-    pub(crate) left_out: Vec<f64>,
+    left_out: Vec<f64>,
+}
+
+impl Trial {
+    /// Of the coefficients that `fit` makes of `stack`; `left_out` are the errors of predicting each light from the others.
+    ///
+    /// # Errors
+    /// Those of reading the stack.
+    pub(crate) fn of(
+        stack: &dyn Stack,
+        fit: PixelFit<'_>,
+        level: CpuLevel,
+        left_out: Vec<f64>,
+    ) -> Result<Self, Failure> {
+        Ok(Self { sample: coefficient_sample(stack, fit, level, TRIAL_BLOCKS)?, left_out })
+    }
+}
+
+/// The distributions of the coefficients that `fit` makes of `stack`, by which ranges are chosen.
+///
+/// # Errors
+/// Those of reading the stack, and Ctrl-C.
+pub(crate) fn distributions(
+    stack: &dyn Stack,
+    fit: PixelFit<'_>,
+    level: CpuLevel,
+) -> Result<Vec<CoefficientDistribution>, Failure> {
+    coefficient_distributions::<Failure>(stack, fit, level, || Ok(interrupt::check()?))
 }
 
 /// Where every plane lies, and how its range was chosen.

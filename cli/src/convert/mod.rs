@@ -4,7 +4,7 @@ mod loss;
 mod target;
 
 use crate::bake::Color;
-use crate::bake::textures::{Plan, TRIAL_BLOCKS, TextureOptions, Trial, size_note};
+use crate::bake::textures::{Plan, TextureOptions, Trial, distributions, size_note};
 use crate::failure::{Exit, Failure};
 use crate::function_options::FunctionOptions;
 use crate::options::{MachineOptions, check_apart};
@@ -13,9 +13,7 @@ use crate::{interrupt, notes, progress};
 use clap::Args;
 use loss::Loss;
 use relight_core::{Basis, CoefficientSpan, Layout, Model, RelightingMaps, Texels};
-use relight_fit::{
-    Refit, WORST_CONDITION, coefficient_distributions, coefficient_sample, for_each_span, span_bytes,
-};
+use relight_fit::{Refit, WORST_CONDITION, for_each_span, span_bytes};
 use relight_formats::asset::AssetSummary;
 use relight_formats::{
     AssetFormat, AssetHeader, AssetPlan, AssetPositions, Parts, read_asset, read_positions, summarize_asset,
@@ -103,7 +101,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
         Some(plan) => {
             let held = format.positions.contains(&plan.precision);
             let precision = if held { plan.precision } else { format.positions[0] };
-            let room = machine.memory.saturating_sub(texel_bytes(&maps));
+            let room = machine.memory.saturating_sub(maps.texel_bytes());
             read_positions(input, room)?.map(|map| AssetPositions { map, precision })
         }
     };
@@ -118,7 +116,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
         // What was written is read again, and relit beside the input.
         let plane = (width * height) as u64;
         let comparing = plane * 4 * model.plane_count() as u64 + plane * 4 * 6;
-        texel_bytes(&maps).saturating_add(writing.max(comparing))
+        maps.texel_bytes().saturating_add(writing.max(comparing))
     };
     if needed > machine.memory {
         let [needed, memory] = [needed, machine.memory].map(|bytes| bytes.div_ceil(1 << 20));
@@ -142,16 +140,14 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
         ));
     }
     let distributions = match coded {
-        true => coefficient_distributions::<Failure>(&*stack, way.pixel_fit(), machine.level, || {
-            Ok(interrupt::check()?)
-        })?,
+        true => distributions(&*stack, way.pixel_fit(), machine.level)?,
         false => Vec::new(),
     };
     let trial = match textures.tries() {
-        true => Some(Trial {
-            sample: coefficient_sample(&*stack, way.pixel_fit(), machine.level, TRIAL_BLOCKS)?,
-            left_out: from.figures.map(|figures| figures.leave_one_out_rmse).into_iter().collect(),
-        }),
+        true => {
+            let left_out = from.figures.map(|figures| figures.leave_one_out_rmse).into_iter().collect();
+            Some(Trial::of(&*stack, way.pixel_fit(), machine.level, left_out)?)
+        }
         false => None,
     };
     let mut plan = textures.plan(&model, (width, height), &formats, &distributions, trial.as_ref())?;
@@ -181,7 +177,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
     bar.finish_and_clear();
     drop(stack);
 
-    let written = read_asset(output, machine.memory.saturating_sub(texel_bytes(&maps)))?;
+    let written = read_asset(output, machine.memory.saturating_sub(maps.texel_bytes()))?;
     let loss = Loss::of(&maps, &written, Refit::domain(from, &model.basis), &machine)?;
     let done = Done { arguments, from, to: &model, plan: &plan, way: &way, packed: &packed, loss: &loss };
     notes::print(&told);
@@ -198,10 +194,6 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
 fn usual_precision(format: &AssetFormat, mut texels: impl Iterator<Item = TexelFormat>) -> Precision {
     let own = texels.next().map(TexelFormat::decoded_precision);
     own.filter(|precision| format.precisions.contains(precision)).unwrap_or(format.precisions[0])
-}
-
-fn texel_bytes(maps: &RelightingMaps) -> u64 {
-    maps.planes.iter().map(|plane| plane.texels.bytes()).sum()
 }
 
 /// Sentences on what `source` has and a file of `format` with `levels` mip levels will not have.
@@ -270,9 +262,7 @@ impl Done<'_> {
     }
 
     fn format_names(&self) -> String {
-        let mut names: Vec<_> = self.plan.packing.formats().map(TexelFormat::name).collect();
-        names.dedup();
-        names.join(" and ")
+        self.plan.packing.format_names().join(" and ")
     }
 
     fn to_json(&self, told: &[String]) -> Value {

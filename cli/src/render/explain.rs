@@ -154,7 +154,7 @@ fn mean_seconds(lights: &[LightReport]) -> f64 {
 fn position_seconds(loaded: &Loaded) -> f64 {
     /// Four halves a pixel.
     const BYTES: f64 = 8.0;
-    let planes: u64 = loaded.maps.planes.iter().map(|plane| plane.texels.bytes()).sum();
+    let planes = loaded.maps.texel_bytes();
     loaded.seconds * BYTES * loaded.maps.pixels() as f64 / planes.max(1) as f64
 }
 

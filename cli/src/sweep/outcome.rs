@@ -4,6 +4,7 @@ use super::axes::GridPoint;
 use crate::bake::{BakeFit, Made};
 use crate::evaluate::Evaluation;
 use crate::failure::Failure;
+use relight_fit::mean_psnr;
 use relight_formats::OpenCapture;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -91,12 +92,9 @@ impl Judged {
                 rmse: (rmse * rmse + storing_rmse * storing_rmse).sqrt(),
             })
             .collect();
-        let mean = |of: &dyn Fn(f64) -> f64| {
-            lights.iter().map(|light| of(light.rmse)).sum::<f64>() / lights.len().max(1) as f64
-        };
-        let psnr = if lights.is_empty() { 0.0 } else { mean(&|rmse| -20.0 * libm::log10(rmse.max(1e-6))) };
-        let rmse = if lights.is_empty() { 1.0 } else { mean(&|rmse| rmse) };
-        Self { psnr, rmse, lights }
+        let errors: Vec<f64> = lights.iter().map(|light| light.rmse).collect();
+        let rmse = if errors.is_empty() { 1.0 } else { errors.iter().sum::<f64>() / errors.len() as f64 };
+        Self { psnr: mean_psnr(&errors), rmse, lights }
     }
 }
 
@@ -111,15 +109,13 @@ pub(crate) fn outcome_of(
     times: Times,
 ) -> Outcome {
     let packing = &made.plan.packing;
-    let mut formats: Vec<String> = packing.formats().map(|format| format.name().to_owned()).collect();
-    formats.dedup();
     Outcome {
         name: point.name(),
         options: point.flags(),
         basis: point.basis.to_owned(),
         k: point.count,
         planes,
-        formats,
+        formats: packing.format_names().into_iter().map(str::to_owned).collect(),
         texel_bytes: packing.texel_bytes(size.0, size.1),
         file_bytes: made.files.iter().map(|file| relight_formats::bytes_on_disk(file)).sum(),
         psnr: judged.psnr,

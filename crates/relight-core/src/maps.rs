@@ -146,6 +146,11 @@ impl RelightingMaps {
         self.width * self.height
     }
 
+    /// Bytes of all planes' texels.
+    pub fn texel_bytes(&self) -> u64 {
+        self.planes.iter().map(|plane| plane.texels.bytes()).sum()
+    }
+
     /// The planes in f32 again.
     pub fn coefficient_map(&self) -> CoefficientMap {
         let planes = self

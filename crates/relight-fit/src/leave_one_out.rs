@@ -2,6 +2,7 @@
 
 use crate::row_products::{product, product_with_transposed, quadratic_form};
 use crate::{Decomposition, Sample};
+use relight_core::metrics::psnr;
 
 /// A leverage this close to 1 means that a light is fitted by itself alone: nothing predicts it.
 pub(crate) const FULL_LEVERAGE: f64 = 1.0 - 1e-9;
@@ -58,9 +59,7 @@ impl LeaveOneOut {
     /// Mean over lights of the PSNR of predicting each from the others, in dB of a range of 1; lights that
     /// nothing predicts don't count, and 120 dB is the most.
     pub fn left_out_psnr(&self) -> f64 {
-        let finite: Vec<f64> = self.left_out.iter().copied().filter(|rmse| rmse.is_finite()).collect();
-        let psnr = |rmse: &f64| -20.0 * libm::log10(rmse.max(1e-6));
-        finite.iter().map(psnr).sum::<f64>() / finite.len().max(1) as f64
+        mean_psnr(&self.left_out)
     }
 
     /// Root mean square error predicted for lights that were not fitted: the fit's own error over
@@ -73,4 +72,11 @@ impl LeaveOneOut {
         let freedom = 1.0 - self.leverage.iter().sum::<f64>() / self.leverage.len().max(1) as f64;
         if freedom > 1.0 - FULL_LEVERAGE { Self::mean(&self.fit, weights) / freedom } else { f64::INFINITY }
     }
+}
+
+/// Mean of the PSNR of root mean square errors, in dB of a range of 1; those that are not finite don't count, and 120 dB is the
+/// most. 0 where none is.
+pub fn mean_psnr(errors: &[f64]) -> f64 {
+    let finite: Vec<f64> = errors.iter().copied().filter(|rmse| rmse.is_finite()).collect();
+    finite.iter().map(|rmse| psnr(rmse.max(1e-6))).sum::<f64>() / finite.len().max(1) as f64
 }

@@ -35,7 +35,7 @@ pub use exposure::{ExposureTrial, exposure_factors, exposure_trial};
 pub use height::{height_bytes, heights_from_normals};
 pub use learned::{LearnedDesign, LearnedFit, learned_bytes};
 pub use least_squares::{LeastSquares, Ridge};
-pub use leave_one_out::LeaveOneOut;
+pub use leave_one_out::{LeaveOneOut, mean_psnr};
 pub use median::median;
 pub use misfit::{Misfit, misfits};
 pub use near::{

@@ -6,7 +6,7 @@
 
 use crate::near::NearScratch;
 use crate::refit::{ChannelRefit, Refit};
-use crate::robust::Work;
+use crate::robust::RobustScratch;
 use crate::{FitError, LearnedFit, LeastSquares, NearSolutions, RobustFit};
 use rayon::prelude::*;
 use relight_core::weighted_sums::{Rows, weighted_sums};
@@ -159,7 +159,7 @@ impl<'a> Fitting<'a> {
     /// Coefficients of functions from all lights' samples, `channels` a pixel, from pixel `first` on.
     fn solve(
         &self,
-        near: &mut NearScratch,
+        scratch: &mut SolveScratch,
         (first, channels): (usize, usize),
         input: Rows<&[f32]>,
         output: Rows<&mut [f32]>,
@@ -167,8 +167,9 @@ impl<'a> Fitting<'a> {
     ) {
         match self.fit {
             PixelFit::Near(_, solutions, _) => {
-                solutions.sums(near, self.level, (first, channels), input, output, width);
+                solutions.sums(&mut scratch.near, self.level, (first, channels), input, output, width);
             }
+            PixelFit::Robust(fit, _) => fit.solve(&mut scratch.robust, channels, input, output, width),
             _ => weighted_sums(self.level, &self.matrix, self.stack.lights(), input, output, width),
         }
     }
@@ -182,8 +183,14 @@ struct Scratch {
     luminance: Vec<f32>,
     coefficients: Vec<f32>,
     base_color: Vec<f32>,
+    solve: SolveScratch,
+}
+
+/// What ways of solving need beside a tile.
+#[derive(Default)]
+struct SolveScratch {
     near: NearScratch,
-    robust: Work,
+    robust: RobustScratch,
 }
 
 impl Scratch {
@@ -197,8 +204,9 @@ impl Scratch {
             PixelFit::Functions(fit, Layout::Lrgb) | PixelFit::Near(fit, _, Layout::Lrgb) => {
                 self.fit_luminance(fitting, fit, first, pixels)?;
             }
-            PixelFit::Functions(..) | PixelFit::Near(..) => self.fit_channels(fitting, first, pixels)?,
-            PixelFit::Robust(fit, _) => self.fit_robustly(fitting, fit, first, pixels)?,
+            PixelFit::Functions(..) | PixelFit::Near(..) | PixelFit::Robust(..) => {
+                self.fit_channels(fitting, first, pixels)?;
+            }
             PixelFit::Planes(_) => self.fit_planes(fitting, first, pixels)?,
             PixelFit::Refit(refit) => self.refit(fitting, refit, first, pixels)?,
         }
@@ -221,42 +229,7 @@ impl Scratch {
             let input = Rows { samples: &self.tile[..], stride };
             let output = Rows { samples: &mut self.coefficients[start..], stride: samples };
             let place = (first + start / channels, channels);
-            fitting.solve(&mut self.near, place, input, output, width);
-        }
-        Ok(())
-    }
-
-    /// Each pixel with weights of its own for the lights.
-    fn fit_robustly(
-        &mut self,
-        fitting: &Fitting<'_>,
-        fit: &RobustFit,
-        first: usize,
-        pixels: usize,
-    ) -> Result<(), FitError> {
-        let stack = fitting.stack;
-        let (lights, channels) = (stack.lights(), stack.channels());
-        let rows = stack.rows(first * channels..(first + pixels) * channels)?;
-        let stride = tile_pixels(lights, channels) * channels;
-        let functions = fit.least_squares().basis.count();
-        self.tile.resize(lights * stride, 0.0);
-        self.coefficients.resize(functions * pixels * channels, 0.0);
-        let (mut samples, mut found) = (vec![0.0; lights * channels], vec![0.0; functions * channels]);
-        for start in (0..pixels * channels).step_by(stride) {
-            let width = stride.min(pixels * channels - start);
-            for (light, row) in self.tile.chunks_exact_mut(stride).enumerate() {
-                rows.copy(light, start, &mut row[..width]);
-            }
-            for at in (0..width).step_by(channels) {
-                for (values, row) in samples.chunks_exact_mut(channels).zip(self.tile.chunks_exact(stride)) {
-                    values.copy_from_slice(&row[at..at + channels]);
-                }
-                fit.pixel(&samples, channels, &mut self.robust, &mut found);
-                let rows = self.coefficients.chunks_exact_mut(pixels * channels);
-                for (row, values) in rows.zip(found.chunks_exact(channels)) {
-                    row[start + at..][..channels].copy_from_slice(values);
-                }
-            }
+            fitting.solve(&mut self.solve, place, input, output, width);
         }
         Ok(())
     }
@@ -378,7 +351,7 @@ impl Scratch {
             }
             let input = Rows { samples: &self.luminance[..], stride };
             let output = Rows { samples: &mut self.coefficients[start..], stride: pixels };
-            fitting.solve(&mut self.near, (first + start, 1), input, output, width);
+            fitting.solve(&mut self.solve, (first + start, 1), input, output, width);
             for (x, [r, g, b, square]) in products.into_iter().enumerate() {
                 let largest = r.max(g).max(b);
                 let lit = largest > 0.0 && square > 0.0 && largest.is_finite() && square.is_finite();

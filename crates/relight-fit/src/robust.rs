@@ -1,6 +1,7 @@
 //! Fits that follow most lights at a pixel rather than all: the matte layer below shadows and highlights.
 
 use crate::LeastSquares;
+use relight_core::weighted_sums::Rows;
 
 /// Rounds in which residuals count by their size, not its square, which finds the majority ..
 const L1_ROUNDS: usize = 4;
@@ -36,7 +37,15 @@ pub struct RobustFit {
 
 /// Working space of a thread.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Work {
+pub(crate) struct RobustScratch {
+    samples: Vec<f32>,
+    coefficients: Vec<f32>,
+    rounds: Rounds,
+}
+
+/// That of a pixel.
+#[derive(Clone, Debug, Default)]
+struct Rounds {
     grey: Vec<f64>,
     residuals: Vec<f64>,
     sorted: Vec<f64>,
@@ -65,8 +74,34 @@ impl RobustFit {
         &self.fit
     }
 
+    /// As [`weighted_sums`](relight_core::weighted_sums) with weights of its own for each pixel: coefficients of the `width`
+    /// samples of `input`, `channels` a pixel.
+    pub(crate) fn solve(
+        &self,
+        scratch: &mut RobustScratch,
+        channels: usize,
+        input: Rows<&[f32]>,
+        output: Rows<&mut [f32]>,
+        width: usize,
+    ) {
+        let RobustScratch { samples, coefficients, rounds } = scratch;
+        samples.resize(self.fit.decomposition.lights * channels, 0.0);
+        coefficients.resize(self.fit.decomposition.functions * channels, 0.0);
+        for at in (0..width).step_by(channels) {
+            let rows = input.samples.chunks(input.stride);
+            for (values, row) in samples.chunks_exact_mut(channels).zip(rows) {
+                values.copy_from_slice(&row[at..at + channels]);
+            }
+            self.pixel(samples, channels, rounds, coefficients);
+            let rows = output.samples.chunks_mut(output.stride);
+            for (row, values) in rows.zip(coefficients.chunks_exact(channels)) {
+                row[at..at + channels].copy_from_slice(values);
+            }
+        }
+    }
+
     /// Coefficients of a pixel from its `samples`, N x channels: k x channels in `coefficients`.
-    pub(crate) fn pixel(&self, samples: &[f32], channels: usize, work: &mut Work, coefficients: &mut [f32]) {
+    fn pixel(&self, samples: &[f32], channels: usize, work: &mut Rounds, coefficients: &mut [f32]) {
         let decomposition = &self.fit.decomposition;
         let (lights, functions) = (decomposition.lights, decomposition.functions);
         work.grey.clear();
@@ -207,7 +242,7 @@ mod tests {
             let robust = RobustFit::new(fit.clone());
             let worst = |samples: &[f32]| {
                 let mut found = vec![0.0f32; count * 3];
-                robust.pixel(samples, 3, &mut Work::default(), &mut found);
+                robust.pixel(samples, 3, &mut Rounds::default(), &mut found);
                 found.iter().zip(&truth).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
             };
             assert!(worst(&pixel(&fit, &truth, false)) < 1e-4, "{family}");
@@ -231,12 +266,12 @@ mod tests {
         let robust = RobustFit::new(fit.clone());
         for value in [0.0f32, 1.0, 1e4] {
             let mut found = vec![f32::NAN; 16];
-            robust.pixel(&[value; 12], 1, &mut Work::default(), &mut found);
+            robust.pixel(&[value; 12], 1, &mut Rounds::default(), &mut found);
             assert!(found.iter().all(|c| c.is_finite()), "{value}: {found:?}");
         }
         let alternating: Vec<f32> = (0..12).map(|i| (i % 2) as f32).collect();
         let mut found = vec![f32::NAN; 16];
-        robust.pixel(&alternating, 1, &mut Work::default(), &mut found);
+        robust.pixel(&alternating, 1, &mut Rounds::default(), &mut found);
         assert!(found.iter().all(|c| c.is_finite()), "{found:?}");
     }
 }

@@ -135,6 +135,11 @@ impl TexelFormat {
         self.row_bytes(width).saturating_mul(height.div_ceil(self.unit_size()) as u64)
     }
 
+    /// Bytes of a layer of `width` x `height` texels in its first `levels` mip levels.
+    pub fn levels_bytes(self, width: usize, height: usize, levels: usize) -> u64 {
+        (0..levels).map(|l| self.layer_bytes(level_size(width, l), level_size(height, l))).sum()
+    }
+
     /// Bits that a texel takes.
     pub fn bits(self) -> f64 {
         (self.unit_bytes() * 8) as f64 / (self.unit_size() * self.unit_size()) as f64
@@ -163,6 +168,13 @@ impl Packing {
         self.arrays.iter().map(|array| array.format)
     }
 
+    /// Names of those formats, neighbours that are alike once.
+    pub fn format_names(&self) -> Vec<&'static str> {
+        let mut names: Vec<_> = self.formats().map(TexelFormat::name).collect();
+        names.dedup();
+        names
+    }
+
     /// Layers of all arrays.
     pub fn layers(&self) -> usize {
         self.arrays.iter().map(|array| array.layers.len()).sum()
@@ -175,10 +187,10 @@ impl Packing {
 
     /// Bytes of the texels of all layers and levels of a picture of `width` x `height` pixels, without padding.
     pub fn texel_bytes(&self, width: usize, height: usize) -> u64 {
-        let layer = |format: TexelFormat| -> u64 {
-            (0..self.levels).map(|l| format.layer_bytes(level_size(width, l), level_size(height, l))).sum()
+        let layers = |array: &ArrayPlan| {
+            array.format.levels_bytes(width, height, self.levels) * array.layers.len() as u64
         };
-        self.arrays.iter().map(|array| layer(array.format) * array.layers.len() as u64).sum()
+        self.arrays.iter().map(layers).sum()
     }
 
     /// Bytes of level 0 a pixel, over all layers, without padding.

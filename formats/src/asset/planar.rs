@@ -116,8 +116,7 @@ pub(super) fn read_packed(
     // Maps and texels are in memory at once.
     let maps = read(path, memory_limit / 2)?;
     let (AssetHeader { width, height, model, packing }, _) = summarize(path)?;
-    let bytes: u64 = maps.planes.iter().map(|plane| plane.texels.bytes()).sum();
-    let mut level = Vec::with_capacity(bytes as usize);
+    let mut level = Vec::with_capacity(maps.texel_bytes() as usize);
     for plane in maps.planes {
         match plane.texels {
             Texels::U8(codes) => level.extend(codes),
