@@ -90,10 +90,17 @@ impl Box3 {
         Self { near: None, sky: false }
     }
 
-    /// Adds the pixels from `first` on.
-    pub(crate) fn add(&mut self, level: CpuLevel, map: &PositionMap, first: usize, pixels: usize) {
-        let points = map.points[first..first + pixels].as_flattened();
-        let ([least, largest], farthest) = level.run(Extent { points });
+    /// Adds rows of `pixels` pixels, of which the first begins at `first`.
+    pub(crate) fn add(
+        &mut self,
+        level: CpuLevel,
+        map: &PositionMap,
+        first: usize,
+        (rows, pixels): (usize, usize),
+    ) {
+        let points = map.points[first..first + (rows - 1) * map.width + pixels].as_flattened();
+        let ([least, largest], farthest) =
+            level.run(Extent { points, row: 3 * pixels, stride: 3 * map.width });
         self.sky |= farthest > FAR;
         if least.iter().zip(&largest).all(|(least, largest)| least <= largest) {
             let (low, high) = (least.map(f64::from), largest.map(f64::from));
@@ -144,11 +151,38 @@ impl Box3 {
 /// Coordinates beyond this are the sky's.
 const FAR: f32 = (SKY / 1e3) as f32;
 
+/// Whole points in whole vectors.
+const LANES: usize = 48;
+
+/// What is known of the coordinates at each place of a vector.
+struct Lanes {
+    least: [f32; LANES],
+    largest: [f32; LANES],
+    farthest: [f32; LANES],
+}
+
+impl Lanes {
+    /// All comparisons are false for NaN, which changes nothing.
+    #[inline(always)]
+    fn add(&mut self, points: &[f32; LANES]) {
+        for (i, &value) in points.iter().enumerate() {
+            let far = value.abs();
+            let near = far <= FAR;
+            self.least[i] = if near & (value < self.least[i]) { value } else { self.least[i] };
+            self.largest[i] = if near & (value > self.largest[i]) { value } else { self.largest[i] };
+            self.farthest[i] = if far > self.farthest[i] { far } else { self.farthest[i] };
+        }
+    }
+}
+
 /// The least and the largest coordinates of points, x, y, z one after another, by axis, and the largest
 /// magnitude. Coordinates of the sky and what is no number are left out one by one: a sky's other
 /// coordinates make the box only larger.
 struct Extent<'a> {
     points: &'a [f32],
+    /// Coordinates of a row, and from the beginning of one to that of the next.
+    row: usize,
+    stride: usize,
 }
 
 impl Vectorized for Extent<'_> {
@@ -156,22 +190,23 @@ impl Vectorized for Extent<'_> {
 
     #[inline(always)]
     fn run(self) -> Self::Output {
-        /// Whole points in whole vectors.
-        const LANES: usize = 48;
-        let (mut least, mut largest) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
-        let mut farthest = [0.0f32; LANES];
-        for points in self.points.chunks(LANES) {
-            let mut lanes = [f32::NAN; LANES];
-            lanes[..points.len()].copy_from_slice(points);
-            for i in 0..LANES {
-                let far = lanes[i].abs();
-                // False for NaN.
-                let near = far <= FAR;
-                least[i] = least[i].min(if near { lanes[i] } else { f32::INFINITY });
-                largest[i] = largest[i].max(if near { lanes[i] } else { f32::NEG_INFINITY });
-                farthest[i] = farthest[i].max(far);
+        let mut lanes = Lanes {
+            least: [f32::INFINITY; LANES],
+            largest: [f32::NEG_INFINITY; LANES],
+            farthest: [0.0; LANES],
+        };
+        for row in self.points.chunks(self.stride) {
+            let (whole, rest) = row[..self.row].as_chunks();
+            for points in whole {
+                lanes.add(points);
+            }
+            if !rest.is_empty() {
+                let mut points = [f32::NAN; LANES];
+                points[..rest.len()].copy_from_slice(rest);
+                lanes.add(&points);
             }
         }
+        let Lanes { least, largest, farthest } = lanes;
         let of_axis = |values: [f32; LANES], choose: fn(f32, f32) -> f32| {
             [0, 1, 2].map(|axis| values[axis..].iter().step_by(3).copied().fold(values[axis], choose))
         };

@@ -95,7 +95,7 @@ pub fn relight_scene(
     let reports: Vec<Report> = samples
         .par_chunks_mut(TILE_HEIGHT * width * channels)
         .enumerate()
-        .map(|(band, out)| worker.band(band * TILE_HEIGHT, out))
+        .map_init(|| worker.workspace(), |space, (band, out)| worker.band(band * TILE_HEIGHT, space, out))
         .collect();
     let mut report = Report {
         local: plan
@@ -144,7 +144,7 @@ struct Worker<'a> {
     largest: [f64; 3],
 }
 
-/// Working space of a band.
+/// Working space of a thread.
 struct Workspace<'a> {
     positions: RowPositions,
     light: RowLight,
@@ -214,8 +214,32 @@ impl<'a> Worker<'a> {
         }
     }
 
+    /// Space for the bands of a thread, one after another.
+    fn workspace(&self) -> Workspace<'_> {
+        // Without local lights only the sums are used.
+        let (count, width) = match self.positions {
+            Some(_) => (self.maps.model.basis.count(), TILE_WIDTH),
+            None => (0, 0),
+        };
+        let terms = self.channels.iter().map(|channel| channel.planes.len());
+        let terms = if self.alike { terms.max() } else { Some(terms.sum()) };
+        let planes = if self.positions.is_some() { &self.coefficients[..] } else { &[] };
+        Workspace {
+            positions: RowPositions::default(),
+            light: RowLight::default(),
+            functions: vec![0.0; count * width],
+            weights: vec![0.0; count * width],
+            products: Workplace {
+                strip: Strip::new(planes, terms.unwrap_or(0)),
+                sum: vec![0.0; width],
+                factor: vec![0.0; width],
+                sums: vec![0.0; self.plan.channels * RUN],
+            },
+        }
+    }
+
     /// Rows `first_row ..` of the picture, as many as `out` has.
-    fn band(&self, first_row: usize, out: &mut [f32]) -> Report {
+    fn band(&self, first_row: usize, space: &mut Workspace<'_>, out: &mut [f32]) -> Report {
         let width = self.maps.width;
         let rows = out.len() / (width * self.plan.channels);
         let mut report = Report {
@@ -223,31 +247,17 @@ impl<'a> Worker<'a> {
             local: vec![LightReport::default(); self.plan.local.iter().map(Vec::len).sum()],
             ..Report::default()
         };
-        let mut sums = vec![0.0; self.plan.channels * RUN];
         let Some(positions) = self.positions else {
             let start = self.clock();
             for (run, out) in out.chunks_mut(RUN * self.plan.channels).enumerate() {
-                let sums = &mut sums[..out.len()];
+                let sums = &mut space.products.sums[..out.len()];
                 sums.fill(0.0);
                 self.uniform(first_row * width + run * RUN, sums);
-                self.settings.level.run(Interleave { sums, out, channels: self.plan.channels });
+                report.negative +=
+                    self.settings.level.run(Interleave { sums, out, channels: self.plan.channels });
             }
             report.uniform_seconds = seconds(start);
-            report.negative = negative_samples(out);
             return report;
-        };
-        let count = self.maps.model.basis.count();
-        let mut space = Workspace {
-            positions: RowPositions::default(),
-            light: RowLight::default(),
-            functions: vec![0.0; count * TILE_WIDTH],
-            weights: vec![0.0; count * TILE_WIDTH],
-            products: Workplace {
-                strip: Strip::new(&self.coefficients),
-                sum: vec![0.0; TILE_WIDTH],
-                factor: vec![0.0; TILE_WIDTH],
-                sums,
-            },
         };
         let tiles: Vec<Tile> = (0..width)
             .step_by(TILE_WIDTH)
@@ -264,10 +274,9 @@ impl<'a> Worker<'a> {
             // Several rows are no more than one strip.
             let strips = out.chunks_mut(STRIP * self.plan.channels).zip(tiles.chunks(STRIP / TILE_WIDTH));
             for (out, tiles) in strips {
-                self.strip(positions, (first, rows), tiles, &mut space, out, &mut report);
+                self.strip(positions, (first, rows), tiles, space, out, &mut report);
             }
         }
-        report.negative = negative_samples(out);
         report
     }
 
@@ -321,9 +330,7 @@ impl<'a> Worker<'a> {
         report: &mut Report,
     ) -> Vec<bool> {
         let mut bounds = Box3::new();
-        for row in first_row..first_row + rows {
-            bounds.add(self.settings.level, map, row * self.maps.width + column, pixels);
-        }
+        bounds.add(self.settings.level, map, first_row * self.maps.width + column, (rows, pixels));
         report.positions_read += rows * pixels;
         let most: Vec<f64> = self
             .plan
@@ -380,7 +387,7 @@ impl<'a> Worker<'a> {
                 }
             }
         }
-        level.run(Interleave { sums: &space.products.sums[..out.len()], out, channels });
+        report.negative += level.run(Interleave { sums: &space.products.sums[..out.len()], out, channels });
     }
 
     /// Adds the lights of one colour to a row of a tile.
@@ -468,10 +475,6 @@ impl<'a> Worker<'a> {
             });
         }
     }
-}
-
-fn negative_samples(samples: &[f32]) -> usize {
-    samples.iter().filter(|sample| **sample < 0.0).count()
 }
 
 /// Some columns of a band.

@@ -93,7 +93,7 @@ impl Vectorized for AddChannel<'_> {
     }
 }
 
-/// Channels one after another to channels side by side.
+/// Channels one after another to channels side by side; gives the number of samples below 0.
 pub(crate) struct Interleave<'a> {
     pub(crate) sums: &'a [f32],
     pub(crate) out: &'a mut [f32],
@@ -101,19 +101,25 @@ pub(crate) struct Interleave<'a> {
 }
 
 impl Vectorized for Interleave<'_> {
-    type Output = ();
+    type Output = usize;
 
     #[inline(always)]
-    fn run(self) {
+    fn run(self) -> usize {
         let n = self.out.len() / self.channels;
+        // Fewer than 2^32: a run of pixels.
+        let mut negative = 0u32;
+        for sample in &self.sums[..self.out.len()] {
+            negative += u32::from(*sample < 0.0);
+        }
         if self.channels == 1 {
             self.out.copy_from_slice(&self.sums[..n]);
-            return;
+            return negative as usize;
         }
         let (r, rest) = self.sums.split_at(n);
         let (g, b) = rest.split_at(n);
         for (((pixel, r), g), b) in self.out.chunks_exact_mut(3).zip(r).zip(g).zip(b) {
             pixel.copy_from_slice(&[*r, *g, *b]);
         }
+        negative as usize
     }
 }

@@ -1,12 +1,15 @@
-//! Coefficients of a run of pixels, decoded together: planes lie far apart in memory, and a processor follows
-//! only so many of them at a time, each after a while.
+//! Coefficients of a run of pixels, taken out of memory together: planes lie far apart there, and a processor
+//! follows only so many of them at a time, each after a while.
 
 use crate::rows::Channel;
 use crate::uniform::coefficients;
-use relight_core::{CpuLevel, RelightingMap, Vectorized};
+use relight_core::{CpuLevel, RelightingMap, Texels, Vectorized};
 
 /// Pixels taken out of every plane at a time; of narrower pictures as many whole rows.
 pub(crate) const STRIP: usize = 2048;
+
+/// Values of a plane that go through the sums together.
+const LANES: usize = 64;
 
 /// Whole rows of that many pixels that a strip has; 1 where a row has several strips.
 pub(crate) fn rows_at_once(width: usize) -> usize {
@@ -16,19 +19,58 @@ pub(crate) fn rows_at_once(width: usize) -> usize {
 /// The coefficients of up to [`STRIP`] pixels.
 pub(crate) struct Strip<'a> {
     planes: &'a [&'a RelightingMap],
-    /// By plane, rows of [`STRIP`].
-    coefficients: Vec<f32>,
+    held: Held,
+}
+
+/// By plane, rows of [`STRIP`].
+enum Held {
+    /// Decoded.
+    Values(Vec<f32>),
+    /// As stored, and what makes coefficients of them: a quarter of the bytes, where none is used twice.
+    Codes { codes: Vec<u8>, decoding: Vec<Decoding> },
+}
+
+/// Coefficient = step x code + bias.
+#[derive(Clone, Copy)]
+struct Decoding {
+    step: f32,
+    bias: f32,
 }
 
 impl<'a> Strip<'a> {
-    pub(crate) fn new(planes: &'a [&'a RelightingMap]) -> Self {
-        Self { planes, coefficients: vec![0.0; planes.len() * STRIP] }
+    /// For sums of so many terms, of all channels together.
+    pub(crate) fn new(planes: &'a [&'a RelightingMap], terms: usize) -> Self {
+        let decoding: Option<Vec<Decoding>> = planes
+            .iter()
+            .map(|plane| match plane.texels {
+                Texels::U8(_) => Some(Decoding { step: plane.scale / 255.0, bias: plane.bias }),
+                Texels::F16(_) | Texels::F32(_) => None,
+            })
+            .collect();
+        let held = match decoding {
+            Some(decoding) if terms <= planes.len() => {
+                Held::Codes { codes: vec![0; planes.len() * STRIP], decoding }
+            }
+            _ => Held::Values(vec![0.0; planes.len() * STRIP]),
+        };
+        Self { planes, held }
     }
 
-    /// Decodes `pixels` pixels from `first` on.
+    /// Takes `pixels` pixels from `first` on.
     pub(crate) fn load(&mut self, level: CpuLevel, first: usize, pixels: usize) {
-        for (plane, row) in self.planes.iter().zip(self.coefficients.chunks_exact_mut(STRIP)) {
-            coefficients(level, plane, first, &mut row[..pixels]);
+        match &mut self.held {
+            Held::Values(values) => {
+                for (plane, row) in self.planes.iter().zip(values.chunks_exact_mut(STRIP)) {
+                    coefficients(level, plane, first, &mut row[..pixels]);
+                }
+            }
+            Held::Codes { codes, .. } => {
+                for (plane, row) in self.planes.iter().zip(codes.chunks_exact_mut(STRIP)) {
+                    if let Texels::U8(stored) = &plane.texels {
+                        row[..pixels].copy_from_slice(&stored[first..first + pixels]);
+                    }
+                }
+            }
         }
     }
 
@@ -43,25 +85,79 @@ impl<'a> Strip<'a> {
         channel: &Channel<'_>,
         sum: &mut [f32],
     ) {
-        let coefficients = &self.coefficients[offset..];
-        level.run(Products { weights, coefficients, channel, sum });
+        match &self.held {
+            Held::Values(values) => {
+                let coefficients = Values(&values[offset..]);
+                level.run(Products { weights, coefficients, channel, sum });
+            }
+            Held::Codes { codes, decoding } => {
+                let coefficients = Codes { codes: &codes[offset..], decoding };
+                level.run(Products { weights, coefficients, channel, sum });
+            }
+        }
     }
 }
 
-struct Products<'a, 'b> {
+/// Rows of coefficients, [`STRIP`] apart.
+trait Coefficients {
+    /// Those of a plane from pixel `first` on, at most [`LANES`], into the first of `out`.
+    fn take(&self, plane: usize, first: usize, out: &mut [f32]);
+
+    /// [`LANES`] of them.
+    fn lanes(&self, plane: usize, first: usize) -> [f32; LANES];
+}
+
+struct Values<'a>(&'a [f32]);
+
+impl Coefficients for Values<'_> {
+    #[inline(always)]
+    fn take(&self, plane: usize, first: usize, out: &mut [f32]) {
+        out.copy_from_slice(&self.0[plane * STRIP + first..][..out.len()]);
+    }
+
+    #[inline(always)]
+    fn lanes(&self, plane: usize, first: usize) -> [f32; LANES] {
+        let mut out = [0.0; LANES];
+        out.copy_from_slice(&self.0[plane * STRIP + first..][..LANES]);
+        out
+    }
+}
+
+struct Codes<'a> {
+    codes: &'a [u8],
+    decoding: &'a [Decoding],
+}
+
+impl Coefficients for Codes<'_> {
+    #[inline(always)]
+    fn take(&self, plane: usize, first: usize, out: &mut [f32]) {
+        let Decoding { step, bias } = self.decoding[plane];
+        let codes = &self.codes[plane * STRIP + first..][..out.len()];
+        for (out, code) in out.iter_mut().zip(codes) {
+            *out = step * f32::from(*code) + bias;
+        }
+    }
+
+    #[inline(always)]
+    fn lanes(&self, plane: usize, first: usize) -> [f32; LANES] {
+        let mut out = [0.0; LANES];
+        self.take(plane, first, &mut out);
+        out
+    }
+}
+
+struct Products<'a, 'b, C> {
     weights: &'a [f32],
-    /// By plane, rows of [`STRIP`].
-    coefficients: &'a [f32],
+    coefficients: C,
     channel: &'a Channel<'b>,
     sum: &'a mut [f32],
 }
 
-impl Vectorized for Products<'_, '_> {
+impl<C: Coefficients> Vectorized for Products<'_, '_, C> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        const LANES: usize = 64;
         let n = self.sum.len();
         let terms = || self.channel.planes.iter().zip(&self.channel.indices);
         let whole = n / LANES * LANES;
@@ -72,18 +168,26 @@ impl Vectorized for Products<'_, '_> {
             }
             for ((_, function), plane) in terms() {
                 let weights = &self.weights[function * n + first..][..LANES];
-                let coefficients = &self.coefficients[plane * STRIP + first..][..LANES];
+                let coefficients = self.coefficients.lanes(*plane, first);
                 for i in 0..LANES {
                     sums[i] += weights[i] * coefficients[i];
                 }
             }
             self.sum[first..first + LANES].copy_from_slice(&sums);
         }
-        for i in whole..n {
-            let mean = self.channel.mean.map_or(0.0, |mean| self.weights[mean * n + i]);
-            self.sum[i] = terms().fold(mean, |sum, ((_, function), plane)| {
-                sum + self.weights[function * n + i] * self.coefficients[plane * STRIP + i]
-            });
+        let rest = &mut self.sum[whole..];
+        match self.channel.mean {
+            Some(mean) => rest.copy_from_slice(&self.weights[mean * n + whole..][..n - whole]),
+            None => rest.fill(0.0),
+        }
+        let mut coefficients = [0.0; LANES];
+        for ((_, function), plane) in terms() {
+            let coefficients = &mut coefficients[..rest.len()];
+            self.coefficients.take(*plane, whole, coefficients);
+            let weights = &self.weights[function * n + whole..];
+            for ((sum, weight), coefficient) in rest.iter_mut().zip(weights).zip(coefficients) {
+                *sum += weight * *coefficient;
+            }
         }
     }
 }
