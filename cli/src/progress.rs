@@ -1,10 +1,15 @@
 //! Progress on a terminal; nothing elsewhere.
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use std::sync::LazyLock;
 
-/// A bar of `steps` steps that names the phase; hidden when standard error is no terminal.
+/// All bars, one beneath the other: that of a step stands under that of the whole.
+static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
+
+/// A bar of `steps` steps that names the phase, the share that is done and the time that is left; hidden when
+/// standard error is no terminal.
 pub(crate) fn bar(phase: &'static str, steps: usize) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(Some(steps as u64), ProgressDrawTarget::stderr());
+    let bar = BARS.add(ProgressBar::new(steps as u64));
     let style = ProgressStyle::with_template("{msg:>10} {wide_bar} {percent:>3}% {eta} left");
     if let Ok(style) = style {
         bar.set_style(style);

@@ -24,7 +24,7 @@ fn report(folder: &Path) -> Value {
 
 /// The figures that don't depend on the minute.
 fn without_times(mut report: Value) -> Value {
-    let times = ["seconds", "bake_seconds", "directional_ns", "point_ns", "gpu_ns", "front"];
+    let times = ["seconds", "bake_seconds", "directional_ns", "point_ns", "gpu", "front"];
     for choice in report["choices"].as_array_mut().unwrap() {
         let choice = choice.as_object_mut().unwrap();
         times.iter().for_each(|time| drop(choice.remove(*time)));

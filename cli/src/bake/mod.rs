@@ -111,28 +111,11 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         None => None,
     };
     notes::print(&all.capture.notes);
-    let judges =
-        left_out.iter().flat_map(|judge| judge.capture.pictures.iter().chain([&judge.capture.light_file]));
-    let positions =
+    let others =
         arguments.positions.files().chain(arguments.photographs.files()).chain(arguments.near.files());
-    let inputs: Vec<&PathBuf> =
-        all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges).chain(positions).collect();
+    let inputs = input_files(&all, left_out.as_ref(), others);
     check_apart(std::iter::once(&arguments.output).chain(&arguments.report), inputs.iter().copied())?;
     let space = arguments.fit.space(&all);
-    let found = match arguments.fit.searches()? {
-        true => {
-            let (left_out, spill) = (left_out.as_ref(), spill_folder.as_path());
-            let opened = sweep::Opened { fitted: &fitted, left_out, space, machine, spill };
-            Some(search(arguments, &opened, &mut stages)?)
-        }
-        false => None,
-    };
-    let (fit, textures) = match &found {
-        Some(found) => (&found.fit, &found.textures),
-        None => (&arguments.fit, &arguments.textures),
-    };
-    let mut planned = Planned::new(&arguments.output, fit, textures, &fitted, space, &machine)?;
-
     let stored = wanted && !(lamps.is_some() && format.positions.is_empty());
     if wanted && !stored {
         scene_notes
@@ -140,13 +123,31 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     }
     let precision = arguments.positions.precision(format, &arguments.output, stored)?;
     let positions = precision.zip(map).map(|(precision, map)| AssetPositions { map, precision });
-    let position_bytes = positions.as_ref().map_or(0, |positions| size_of_val(&positions.map.points[..]));
+    let position_bytes =
+        positions.as_ref().map_or(0, |positions| size_of_val(&positions.map.points[..])) as u64;
+    let (found, decoded) = match arguments.fit.searches()? {
+        true => {
+            let (left_out, spill, beside) = (left_out.as_ref(), spill_folder.as_path(), position_bytes);
+            let opened = sweep::Opened { fitted: &fitted, left_out, space, machine, spill, beside };
+            let (found, pictures) = search(arguments, &opened, &mut stages)?;
+            (Some(found), Some(pictures))
+        }
+        false => (None, None),
+    };
+    let (fit, textures) = match &found {
+        Some(found) => (&found.fit, &found.textures),
+        None => (&arguments.fit, &arguments.textures),
+    };
+    let mut planned = Planned::new(&arguments.output, fit, textures, &fitted, space, &machine)?;
 
     let near = lamps.as_ref().map_or(0, |_| planned.near_bytes(&fitted, machine.threads));
-    let beside = [position_bytes as u64, surface_bytes(lamps.as_ref()), near]
+    let beside = [position_bytes, surface_bytes(lamps.as_ref()), near]
         .into_iter()
         .fold(bytes_beside(&[&planned], &fitted, &machine), u64::saturating_add);
-    let pictures = stages.time("decode", || load(&fitted, space, &machine, beside, &spill_folder))?;
+    let pictures = match decoded {
+        Some(pictures) => pictures,
+        None => stages.time("decode", || load(&fitted, space, &machine, beside, &spill_folder))?,
+    };
     let levelled =
         lamps.as_ref().map(|lamps| LevelledStack { stack: &pictures, lamps, space, level: machine.level });
     let stack: &dyn Stack = levelled.as_ref().map_or(&pictures, |levelled| levelled);
@@ -192,16 +193,30 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The choice that the targets take. What it measures is written to a folder that is gone afterwards.
+/// The choice that the targets take, and the decoded pictures. What it measures is written to a folder that is gone afterwards.
 fn search(
     arguments: &BakeArguments,
     opened: &sweep::Opened<'_>,
     stages: &mut Stages,
-) -> Result<sweep::Found, Failure> {
+) -> Result<(sweep::Found, PictureStack), Failure> {
     let folder = relight_formats::ScratchFolder::beside(&arguments.output)?;
     let scratch =
         folder.path().join("asset").with_extension(arguments.output.extension().unwrap_or_default());
     sweep::search(opened, &arguments.fit, &arguments.textures, &scratch, stages)
+}
+
+/// The files that are read, each once: of the capture, of the pictures that judge, and `others`.
+pub(crate) fn input_files<'a>(
+    all: &'a OpenCapture,
+    left_out: Option<&'a OpenCapture>,
+    others: impl Iterator<Item = &'a PathBuf>,
+) -> Vec<&'a PathBuf> {
+    let captures = [all].into_iter().chain(left_out);
+    let files = captures.flat_map(|open| open.capture.pictures.iter().chain([&open.capture.light_file]));
+    let mut files: Vec<&PathBuf> = files.chain(others).collect();
+    let mut seen = std::collections::HashSet::new();
+    files.retain(|file| seen.insert(*file));
+    files
 }
 
 /// The pictures to fit, and those to judge the fit by.

@@ -2,6 +2,7 @@
 
 use super::Choice;
 use super::axes::GridPoint;
+use super::gpu_time::GpuClock;
 use super::outcome::{Judged, Outcome, Times, outcome_of};
 use super::render_time::render_times;
 use crate::bake::{BakeFit, Made, Planned, Samples, Stages, bytes_beside, load, make};
@@ -12,6 +13,7 @@ use relight_core::Space;
 use relight_core::relighter::Picture;
 use relight_formats::{OpenCapture, PictureStack, read_asset};
 use relight_lights::Settings;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The pictures before they are decoded.
@@ -23,11 +25,13 @@ pub(crate) struct Opened<'a> {
     pub(crate) machine: Machine,
     /// Where pictures go that exceed the memory.
     pub(crate) spill: &'a Path,
+    /// Bytes of what else is held meanwhile.
+    pub(crate) beside: u64,
 }
 
 /// The pictures as all choices share them.
-pub(crate) struct Decoded {
-    stack: PictureStack,
+pub(super) struct Decoded {
+    pub(super) stack: PictureStack,
     /// Those that judge; nothing where they take more than a quarter of the memory and are decoded once a choice.
     judges: Option<Vec<Picture>>,
     seconds: f64,
@@ -48,14 +52,13 @@ impl Opened<'_> {
 
     pub(super) fn decode(
         &self,
-        groups: &[Vec<Planned<'_>>],
+        groups: &[Vec<&Planned<'_>>],
         stages: &mut Stages,
     ) -> Result<Decoded, Failure> {
-        let Self { fitted, left_out, space, machine, spill } = self;
-        let of_group =
-            |group: &Vec<Planned<'_>>| bytes_beside(&group.iter().collect::<Vec<_>>(), fitted, machine);
+        let Self { fitted, left_out, space, machine, spill, beside } = self;
+        let groups = groups.iter().map(|group| bytes_beside(group, fitted, machine)).max().unwrap_or(0);
         let held = Some(self.judge_bytes()).filter(|&bytes| bytes <= machine.memory / 4);
-        let beside = groups.iter().map(of_group).max().unwrap_or(0).saturating_add(held.unwrap_or(0));
+        let beside = [groups, held.unwrap_or(0)].into_iter().fold(*beside, u64::saturating_add);
         let stack = stages.time("decode", || load(fitted, *space, machine, beside, spill))?;
         let seconds = stages.0.last().map_or(0.0, |(_, seconds)| *seconds);
         let judges = match (left_out, held) {
@@ -76,12 +79,12 @@ pub(crate) struct Bench<'a> {
     opened: &'a Opened<'a>,
     decoded: &'a Decoded,
     samples: Samples<'a>,
-    /// Whether relighting is timed.
-    timed: bool,
+    /// Whether relighting is timed, and on which GPU.
+    timed: Option<GpuClock>,
 }
 
 impl<'a> Bench<'a> {
-    pub(super) fn new(opened: &'a Opened<'a>, decoded: &'a Decoded, timed: bool) -> Self {
+    pub(super) fn new(opened: &'a Opened<'a>, decoded: &'a Decoded, timed: Option<GpuClock>) -> Self {
         Self { opened, decoded, samples: Samples::new(&decoded.stack), timed }
     }
 
@@ -126,20 +129,21 @@ impl<'a> Bench<'a> {
         let mut outcomes = Vec::new();
         for (((point, planned), made), writing) in points.iter().zip(&*planned).zip(&made).zip(shares) {
             let mut times = Times {
-                stages: self.stages_alone(stages, writing),
+                seconds: self.stages_alone(stages, writing),
                 directional_ns: 0.0,
                 point_ns: 0.0,
-                gpu_ns: None,
+                gpu: None,
             };
             let judged = stages.time("measure", || -> Result<_, Failure> {
-                let needs_maps = self.timed || self.opened.left_out.is_some();
+                let needs_maps = self.timed.is_some() || self.opened.left_out.is_some();
                 let maps = match needs_maps {
                     true => Some(read_asset(&planned.output, machine.memory)?),
                     false => None,
                 };
-                if let (Some(maps), true) = (&maps, self.timed) {
+                if let (Some(maps), Some(gpu)) = (&maps, &self.timed) {
                     let settings = Settings { level: machine.level, step: 0.0, timed: false };
-                    (times.directional_ns, times.point_ns) = render_times(maps, settings);
+                    (times.directional_ns, times.point_ns) = render_times(maps, settings)?;
+                    times.gpu = gpu.time(&planned.output, machine);
                 }
                 match (self.opened.left_out, &maps) {
                     (Some(capture), Some(maps)) => {
@@ -167,7 +171,7 @@ impl<'a> Bench<'a> {
     }
 
     /// Seconds that a bake of one choice alone takes, by stage.
-    fn stages_alone(&self, stages: &Stages, (fitting, writing): (f64, f64)) -> Vec<(String, f64)> {
+    fn stages_alone(&self, stages: &Stages, (fitting, writing): (f64, f64)) -> BTreeMap<String, f64> {
         let of =
             |name: &str| stages.0.iter().filter(|(stage, _)| *stage == name).map(|(_, s)| s).sum::<f64>();
         let all = [
@@ -178,7 +182,7 @@ impl<'a> Bench<'a> {
             ("fit", fitting),
             ("write", writing),
         ];
-        all.map(|(name, seconds)| (name.to_owned(), seconds)).to_vec()
+        all.map(|(name, seconds)| (name.to_owned(), seconds)).into()
     }
 }
 

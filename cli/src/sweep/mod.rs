@@ -3,6 +3,7 @@
 mod axes;
 mod bench;
 mod front;
+mod gpu_time;
 mod outcome;
 mod render_time;
 mod report;
@@ -10,17 +11,18 @@ mod search;
 
 pub(crate) use search::{Found, search};
 
-use crate::bake::{FitOptions, Planned, Stages, spill_folder, split, textures::TextureOptions};
+use crate::bake::{FitOptions, Planned, Stages, input_files, spill_folder, split, textures::TextureOptions};
 use crate::failure::Failure;
 use crate::holdout::Holdout;
-use crate::notes;
 use crate::options::{MachineOptions, check_apart};
 use crate::photograph_options::PhotographOptions;
 use crate::say::say;
+use crate::{notes, progress};
 use axes::{Axes, GridPoint};
 use bench::Bench;
 pub(crate) use bench::Opened;
 use clap::{Args, ValueEnum};
+use gpu_time::GpuClock;
 use outcome::Outcome;
 use relight_core::Family;
 use relight_fit::LIGHTS_PER_FUNCTION;
@@ -103,7 +105,8 @@ pub(crate) fn run(arguments: &SweepArguments) -> Result<(), Failure> {
     notes::print(&all.capture.notes);
     let (fitted, left_out) = split(&all, arguments.holdout.as_ref(), &arguments.photographs)?;
     let space = arguments.fit.space(&all);
-    let opened = Opened { fitted: &fitted, left_out: left_out.as_ref(), space, machine, spill: &spill };
+    let opened =
+        Opened { fitted: &fitted, left_out: left_out.as_ref(), space, machine, spill: &spill, beside: 0 };
 
     let axes = arguments.axes()?;
     let (points, skipped) = carried(axes.grid()?, &fitted);
@@ -112,7 +115,7 @@ pub(crate) fn run(arguments: &SweepArguments) -> Result<(), Failure> {
         .into_iter()
         .map(|point| Choice::new(point, &arguments.fit, &arguments.textures))
         .collect::<Result<_, _>>()?;
-    let inputs: Vec<&PathBuf> = files_of(&all, left_out.as_ref(), &arguments.photographs);
+    let inputs = input_files(&all, left_out.as_ref(), arguments.photographs.files());
     let key = stages.time("key", || key_of(arguments, &inputs))?;
 
     let check = |outputs: &[PathBuf]| check_apart(outputs, inputs.iter().copied());
@@ -163,7 +166,6 @@ pub(crate) fn run(arguments: &SweepArguments) -> Result<(), Failure> {
 
 /// A line of JSON for a choice.
 fn say_json(outcome: &Outcome) {
-    // Plain structs of text and finite numbers always become JSON.
     say!("{}", serde_json::to_string(outcome).unwrap_or_default());
 }
 
@@ -199,22 +201,6 @@ fn carried(points: Vec<GridPoint>, capture: &OpenCapture) -> (Vec<GridPoint>, Ve
         .collect();
     sentences.dedup();
     (kept, sentences)
-}
-
-/// The files that are read, each once.
-pub(crate) fn files_of<'a>(
-    all: &'a OpenCapture,
-    left_out: Option<&'a OpenCapture>,
-    photographs: &'a PhotographOptions,
-) -> Vec<&'a PathBuf> {
-    let judges = left_out
-        .into_iter()
-        .flat_map(|judge| judge.capture.pictures.iter().chain([&judge.capture.light_file]));
-    let fitted = all.capture.pictures.iter().chain([&all.capture.light_file]);
-    let mut files: Vec<&PathBuf> = fitted.chain(judges).chain(photographs.files()).collect();
-    let mut seen = std::collections::HashSet::new();
-    files.retain(|file| seen.insert(*file));
-    files
 }
 
 /// What a measured choice depends on beside its own options.
@@ -283,8 +269,10 @@ impl<'a> Results<'a> {
                     .collect()
             })
             .collect::<Result<_, _>>()?;
-        let decoded = opened.decode(&planned, stages)?;
-        let bench = Bench::new(opened, &decoded, true);
+        let grouped: Vec<Vec<&Planned<'_>>> = planned.iter().map(|group| group.iter().collect()).collect();
+        let decoded = opened.decode(&grouped, stages)?;
+        let bench = Bench::new(opened, &decoded, Some(GpuClock::open()));
+        let bar = progress::bar("choices", indices.len());
         for (group, mut planned) in groups.into_iter().zip(planned) {
             let points: Vec<&GridPoint> = group.iter().map(|&index| &choices[index].point).collect();
             for (&index, outcome) in group.iter().zip(bench.measure(&points, &mut planned, check, stages)?) {
@@ -298,8 +286,10 @@ impl<'a> Results<'a> {
                     say_json(&outcome);
                 }
                 self.outcomes[index] = Some(outcome);
+                bar.inc(1);
             }
         }
+        bar.finish_and_clear();
         Ok(())
     }
 

@@ -7,9 +7,10 @@ use crate::failure::Failure;
 use relight_fit::mean_psnr;
 use relight_formats::OpenCapture;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A choice and its figures.
+/// A choice and its figures: text and finite numbers, which always become JSON.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Outcome {
     /// As of [`GridPoint::name`].
@@ -36,6 +37,7 @@ pub(crate) struct Outcome {
     /// Root mean square error of relit pictures from storing.
     pub(crate) storing_rmse: f64,
     pub(crate) lights: Vec<LightFigure>,
+    #[serde(flatten)]
     pub(crate) times: Times,
 }
 
@@ -50,19 +52,26 @@ pub(crate) struct LightFigure {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Times {
     /// Seconds of each stage of a bake of this choice alone.
-    pub(crate) stages: Vec<(String, f64)>,
+    pub(crate) seconds: BTreeMap<String, f64>,
     /// Nanoseconds a pixel on one thread under a directional light.
     pub(crate) directional_ns: f64,
     /// The same under a point light.
     pub(crate) point_ns: f64,
-    /// Nanoseconds a pixel on the GPU under a directional light, where there is one.
-    pub(crate) gpu_ns: Option<f64>,
+    /// The same as `directional_ns` on the GPU, where there is one.
+    pub(crate) gpu: Option<GpuTime>,
+}
+
+/// Nanoseconds a pixel on a GPU.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct GpuTime {
+    pub(crate) adapter: String,
+    pub(crate) ns: f64,
 }
 
 impl Times {
     /// Seconds of the whole bake.
     pub(crate) fn bake_seconds(&self) -> f64 {
-        self.stages.iter().map(|(_, seconds)| seconds).sum()
+        self.seconds.values().sum()
     }
 }
 
@@ -137,7 +146,6 @@ struct Kept {
 /// Keeps `outcome` at `path`, whole or not at all.
 pub(crate) fn keep(path: &Path, key: &str, outcome: &Outcome) -> Result<(), Failure> {
     let kept = Kept { key: key.to_owned(), outcome: outcome.clone() };
-    // Plain structs of text and finite numbers always become JSON.
     let text = serde_json::to_string_pretty(&kept).unwrap_or_default();
     Ok(relight_formats::write_whole(path, format!("{text}\n").as_bytes())?)
 }

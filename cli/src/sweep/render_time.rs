@@ -1,5 +1,6 @@
 //! What a pixel costs once it is baked: nanoseconds on one thread.
 
+use crate::failure::{Exit, Failure};
 use relight_core::{Direction, PositionMap, RelightingMaps};
 use relight_lights::{Accuracy, Attenuation, HorizonRule, Lamp, Light, Plan, Scene, Settings, relight_scene};
 use std::hint::black_box;
@@ -10,7 +11,18 @@ const PICTURES: usize = 3;
 
 /// Nanoseconds a pixel under a directional light and under a point light, on one thread; pictures follow one another in
 /// the same memory, as in a sequence.
-pub(crate) fn render_times(maps: &RelightingMaps, settings: Settings) -> (f64, f64) {
+///
+/// # Errors
+/// Where the thread can't be made.
+pub(crate) fn render_times(maps: &RelightingMaps, settings: Settings) -> Result<(f64, f64), Failure> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let pool = pool.map_err(|error| {
+        Failure::new(Exit::OverBudget, format!("a thread to time pictures on can't be made: {error}"))
+    })?;
+    Ok(pool.install(|| on_this_thread(maps, settings)))
+}
+
+fn on_this_thread(maps: &RelightingMaps, settings: Settings) -> (f64, f64) {
     let directional = Lamp::Directional { direction: Direction::OUT };
     // A plane as wide as the distance of the lamp above it.
     let point = Lamp::Point { position: [0.3, 0.2, 1.0] };

@@ -108,40 +108,16 @@ impl Summary<'_> {
     pub(crate) fn json(&self) -> String {
         let pixels = (self.size.0 * self.size.1) as f64;
         let choice = |(index, outcome): (usize, &Outcome)| {
-            let lights: Vec<Value> = outcome
-                .lights
-                .iter()
-                .map(|light| json!({ "name": light.name, "rmse": light.rmse }))
-                .collect();
-            let stages: serde_json::Map<String, Value> =
-                outcome.times.stages.iter().map(|(name, seconds)| (name.clone(), json!(seconds))).collect();
-            json!({
-                "name": outcome.name,
-                "options": outcome.options,
-                "basis": outcome.basis,
-                "k": outcome.k,
-                "planes": outcome.planes,
-                "formats": outcome.formats,
-                "psnr": outcome.psnr,
-                "rmse": outcome.rmse,
-                "fit_rmse": outcome.fit_rmse,
-                "storing_rmse": outcome.storing_rmse,
-                "lights": lights,
-                "texel_bytes": outcome.texel_bytes,
-                "file_bytes": outcome.file_bytes,
-                "gpu_bytes_per_pixel": outcome.texel_bytes as f64 / pixels,
-                "disk_bytes_per_pixel": outcome.file_bytes as f64 / pixels,
-                "seconds": stages,
-                "bake_seconds": outcome.times.bake_seconds(),
-                "directional_ns": outcome.times.directional_ns,
-                "point_ns": outcome.times.point_ns,
-                "gpu_ns": outcome.times.gpu_ns,
-                "front": {
-                    "bytes": self.fronts.bytes[index],
-                    "time": self.fronts.time[index],
-                    "bake": self.fronts.bake[index],
-                },
-            })
+            let mut choice = serde_json::to_value(outcome).unwrap_or_default();
+            choice["gpu_bytes_per_pixel"] = json!(outcome.texel_bytes as f64 / pixels);
+            choice["disk_bytes_per_pixel"] = json!(outcome.file_bytes as f64 / pixels);
+            choice["bake_seconds"] = json!(outcome.times.bake_seconds());
+            choice["front"] = json!({
+                "bytes": self.fronts.bytes[index],
+                "time": self.fronts.time[index],
+                "bake": self.fronts.bake[index],
+            });
+            choice
         };
         let (own, alone) = self.seconds();
         let (chosen, why) = match &self.chosen {
@@ -181,12 +157,12 @@ impl Summary<'_> {
         if json {
             return;
         }
-        say!("front  choice              dB     RMSE  bytes/px  on disk  bake s  ns/px  point ns");
+        say!("front  choice              dB     RMSE  bytes/px  on disk  bake s  ns/px  point ns  GPU ns");
         let pixels = (self.size.0 * self.size.1) as f64;
         for (index, o) in self.outcomes.iter().enumerate() {
             let mark = |is: &[bool], mark: char| if is[index] { mark } else { '-' };
             say!(
-                "{}{}{}    {:<16} {:6.2}  {:.4}  {:8.2} {:8.2}  {:6.2} {:6.1}  {:8.1}",
+                "{}{}{}    {:<16} {:6.2}  {:.4}  {:8.2} {:8.2}  {:6.2} {:6.1}  {:8.1}  {:>6}",
                 mark(&self.fronts.bytes, 'b'),
                 mark(&self.fronts.time, 't'),
                 mark(&self.fronts.bake, 's'),
@@ -198,6 +174,7 @@ impl Summary<'_> {
                 o.times.bake_seconds(),
                 o.times.directional_ns,
                 o.times.point_ns,
+                o.times.gpu.as_ref().map_or("-".to_owned(), |gpu| format!("{:.1}", gpu.ns)),
             );
         }
         say!("fronts: b fewest bytes of texels, t least time to relight a pixel, s fewest seconds to bake");

@@ -7,6 +7,7 @@ use super::report::{Chosen, chosen};
 use super::{Choice, carried};
 use crate::bake::{BakeFit, FitOptions, Planned, Stages, textures::TextureOptions};
 use crate::failure::{Exit, Failure};
+use relight_formats::PictureStack;
 use std::path::Path;
 
 /// The options that were found, and a sentence that says why.
@@ -19,6 +20,7 @@ pub(crate) struct Found {
 /// A choice with its figures as far as they are known.
 struct Candidate<'a> {
     choice: &'a Choice,
+    planned: Planned<'a>,
     bytes: u64,
     /// The PSNR before storing, which only lowers it; infinite where pictures that are left out judge.
     bound: f64,
@@ -26,7 +28,7 @@ struct Candidate<'a> {
 }
 
 /// Finds the choice of the usual grid that reaches the targets of `fit` in the fewest bytes of texels; axes that the
-/// options pin stay as they are. What it measures are files at `scratch`, which has the extension of the output.
+/// options pin stay as they are, and gives the decoded pictures with it. What it measures are files at `scratch`, which has the extension of the output.
 ///
 /// # Errors
 /// Exit code 1 with the best that can be reached where no choice reaches them.
@@ -36,7 +38,7 @@ pub(crate) fn search(
     textures: &TextureOptions,
     scratch: &Path,
     stages: &mut Stages,
-) -> Result<Found, Failure> {
+) -> Result<(Found, PictureStack), Failure> {
     let axes = Axes::free(fit.asked_basis(), fit.asked_count()?, textures);
     let (points, _) = carried(axes.grid()?, opened.fitted);
     let choices: Vec<Choice> =
@@ -53,32 +55,32 @@ pub(crate) fn search(
     if let (true, Some(failure)) = (usable.is_empty(), refused) {
         return Err(failure);
     }
-    let groups: Vec<Vec<Planned<'_>>> = usable
+    let groups: Vec<Vec<&Planned<'_>>> = usable
         .chunk_by(|a, b| a.0.same_fit(b.0))
-        .map(|group| group.iter().map(|(choice, _)| opened.planned(choice, scratch)).collect())
-        .collect::<Result<_, _>>()?;
+        .map(|group| group.iter().map(|(_, planned)| planned).collect())
+        .collect();
     let decoded = opened.decode(&groups, stages)?;
-    let bench = Bench::new(opened, &decoded, false);
+    let bench = Bench::new(opened, &decoded, None);
 
     let mut solved: Vec<(&Choice, BakeFit<'_>)> = Vec::new();
     let mut candidates = Vec::new();
-    for (choice, planned) in &usable {
+    for (choice, planned) in usable {
         if solved.last().is_none_or(|(other, _)| !other.same_fit(choice)) {
-            solved.push((choice, bench.solve(planned, stages)?));
+            solved.push((choice, bench.solve(&planned, stages)?));
         }
         let bound = match (opened.left_out, solved.last()) {
             (None, Some((_, fit))) => Judged::predicted(fit, 0.0, opened.fitted),
             _ => Judged { psnr: f64::INFINITY, rmse: 0.0, lights: Vec::new() },
         };
         let bound = fit.targets.quality(bound.psnr, bound.rmse);
-        candidates.push(Candidate { choice, bytes: planned.texel_bytes(), bound, outcome: None });
+        let bytes = planned.texel_bytes();
+        candidates.push(Candidate { choice, planned, bytes, bound, outcome: None });
     }
     let measure = |candidate: &mut Candidate<'_>, stages: &mut Stages| -> Result<(), Failure> {
         let fit = solved.iter().find(|(choice, _)| choice.same_fit(candidate.choice));
         let Some((_, fit)) = fit.filter(|_| candidate.outcome.is_none()) else { return Ok(()) };
-        let mut planned = [opened.planned(candidate.choice, scratch)?];
-        let outcomes =
-            bench.measure_fit(fit, &[&candidate.choice.point], &mut planned, &|_| Ok(()), stages)?;
+        let planned = std::slice::from_mut(&mut candidate.planned);
+        let outcomes = bench.measure_fit(fit, &[&candidate.choice.point], planned, &|_| Ok(()), stages)?;
         candidate.outcome = outcomes.into_iter().next();
         Ok(())
     };
@@ -125,13 +127,12 @@ pub(crate) fn search(
             }
         }
     }
-    let measured: Vec<&Candidate<'_>> =
-        candidates.iter().filter(|candidate| candidate.outcome.is_some()).collect();
-    let outcomes: Vec<Outcome> = measured.iter().filter_map(|candidate| candidate.outcome.clone()).collect();
+    let (measured, outcomes): (Vec<&Choice>, Vec<Outcome>) =
+        candidates.into_iter().filter_map(|candidate| Some((candidate.choice, candidate.outcome?))).unzip();
     match chosen(&outcomes, targets) {
         Chosen::Found { index, why } => {
-            let Choice { fit, textures, .. } = measured[index].choice;
-            Ok(Found { fit: fit.clone(), textures: textures.clone(), why })
+            let Choice { fit, textures, .. } = measured[index];
+            Ok((Found { fit: fit.clone(), textures: textures.clone(), why }, decoded.stack))
         }
         Chosen::NotAsked => Err(Failure::usage("no target is given")),
         Chosen::Missed { why } => Err(Failure::new(Exit::CheckFailed, why)),
