@@ -3,7 +3,7 @@
 CARGO ?= cargo
 RELIGHT = target/release/relight
 
-.PHONY: demo check fmt clippy walls test doc bench accuracy deny clean
+.PHONY: demo check fmt clippy walls test doc bench accuracy report deny clean
 
 ## Build, bake the real capture in testdata/ and light it anew.
 demo:
@@ -45,6 +45,10 @@ accuracy:
 	$(CARGO) bench --package relight --bench accuracy
 	$(CARGO) bench --package relight --bench textures
 	$(CARGO) bench --package relight-texture --bench blocks
+
+## Writes the generated part of docs/accuracy.md, from testdata/ alone.
+report:
+	$(CARGO) bench --package relight --bench report
 
 ## Licences, bans and sources of all dependencies, where cargo-deny is installed.
 deny:

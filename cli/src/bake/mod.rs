@@ -63,6 +63,18 @@ impl Stages {
         self.0.extend_from_slice(&part.0);
     }
 
+    /// The seconds of each stage, those that came several times added up, in order of the first.
+    pub(crate) fn summed(&self) -> Vec<(&'static str, f64)> {
+        let mut summed: Vec<(&'static str, f64)> = Vec::new();
+        for &(stage, seconds) in &self.0 {
+            match summed.iter_mut().find(|(other, _)| *other == stage) {
+                Some((_, sum)) => *sum += seconds,
+                None => summed.push((stage, seconds)),
+            }
+        }
+        summed
+    }
+
     pub(crate) fn time<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();

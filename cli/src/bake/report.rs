@@ -67,7 +67,7 @@ impl Summary<'_> {
         }
         let total: f64 = self.stages.0.iter().map(|(_, seconds)| seconds).sum();
         let stages: Vec<_> =
-            self.stages.0.iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
+            self.stages.summed().iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
         say!("{total:.2} s: {}", stages.join(", "));
     }
 
@@ -143,8 +143,12 @@ impl Summary<'_> {
                 })
             })
             .collect();
-        let stages: serde_json::Map<String, Value> =
-            self.stages.0.iter().map(|(name, seconds)| ((*name).to_owned(), json!(seconds))).collect();
+        let stages: serde_json::Map<String, Value> = self
+            .stages
+            .summed()
+            .into_iter()
+            .map(|(name, seconds)| (name.to_owned(), json!(seconds)))
+            .collect();
         let mut report = json!({
             "relight": env!("CARGO_PKG_VERSION"),
             "output": output.to_string_lossy(),

@@ -127,8 +127,8 @@ impl Summary<'_> {
         };
         let stages: Vec<Value> = self
             .stages
-            .0
-            .iter()
+            .summed()
+            .into_iter()
             .map(|(name, seconds)| json!({ "stage": name, "seconds": seconds }))
             .collect();
         let report = json!({
