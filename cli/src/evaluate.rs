@@ -52,11 +52,20 @@ pub(crate) struct Evaluation {
     pub(crate) pictures: Vec<PictureFigures>,
     /// Whether the photographs hold linear floats.
     linear: bool,
-    /// Mean absolute error of each pixel over lights and channels, stored values.
-    mean_error: Picture,
+    /// The error of each pixel that was asked for, its mean over lights and channels, stored values; empty for none.
+    pub(crate) of_pixels: Vec<f32>,
 }
 
-/// Error that the heat map draws white.
+/// The error of each pixel that a comparison gathers beside those of pictures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PixelError {
+    /// None, which costs nothing.
+    None,
+    Absolute,
+    Squared,
+}
+
+/// Error that heat maps draw white.
 const HEATMAP_FULL: f32 = 0.25;
 
 /// Runs the subcommand.
@@ -85,9 +94,11 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
         .chain(arguments.photographs.files())
         .chain(arguments.near.files());
     check_apart(&arguments.heatmap, read)?;
-    let evaluation = evaluate(&arguments.asset, &capture, lamps.as_ref(), &machine)?;
+    let of_pixels = if arguments.heatmap.is_some() { PixelError::Absolute } else { PixelError::None };
+    let evaluation = evaluate(&arguments.asset, &capture, lamps.as_ref(), &machine, of_pixels)?;
     if let Some(path) = &arguments.heatmap {
-        write_picture(path, &evaluation.heatmap(), PictureDepth::U8)?;
+        let errors = evaluation.of_pixels.iter().copied();
+        write_picture(path, &heat_map(capture.size(), errors), PictureDepth::U8)?;
     }
     if arguments.json {
         say!("{:#}", evaluation.to_json());
@@ -130,10 +141,12 @@ pub(crate) fn evaluate(
     capture: &OpenCapture,
     lamps: Option<&NearLamps>,
     machine: &Machine,
+    of_pixels: PixelError,
 ) -> Result<Evaluation, Failure> {
     let maps = read_asset(asset, machine.memory)?;
     check_size((maps.width, maps.height), asset, capture)?;
-    compare(&maps, capture, lamps, machine, &|i| Ok(capture.photograph(i, machine.level, machine.memory)?))
+    let photograph = |i| Ok(capture.photograph(i, machine.level, machine.memory)?);
+    compare(&maps, capture, lamps, machine, &photograph, of_pixels)
 }
 
 /// Relights `maps` at every light of `capture` and compares with its photographs, which `photograph` gives.
@@ -143,11 +156,12 @@ pub(crate) fn compare(
     lamps: Option<&NearLamps>,
     machine: &Machine,
     photograph: &(dyn Fn(usize) -> Result<Picture, Failure> + Sync),
+    of_pixels: PixelError,
 ) -> Result<Evaluation, Failure> {
     let linear = capture.is_float();
     let near = lamps.map(|lamps| (lamps, lamps.position_map()));
     let bar = progress::bar("comparing", capture.infos.len());
-    let sum = Mutex::new(vec![0.0f64; maps.pixels()]);
+    let sum = Mutex::new(vec![0.0f64; if of_pixels == PixelError::None { 0 } else { maps.pixels() }]);
     let figures = |i: usize| -> Result<PictureFigures, Failure> {
         interrupt::check()?;
         let light = &capture.capture.lights.lights[i];
@@ -163,7 +177,7 @@ pub(crate) fn compare(
         let errors = |a: &Picture, b: &Picture| metrics::compare(&a.samples, &b.samples, a.width, a.channels);
         let stored = errors(&relit, &photograph);
         let mut sum = sum.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        add_errors(&mut sum, &relit, &photograph);
+        add_errors(&mut sum, &relit, &photograph, of_pixels);
         drop(sum);
         let encoded = match linear {
             true => errors(&relit.encoded_from(Space::Linear), &photograph.encoded_from(Space::Linear)),
@@ -181,9 +195,8 @@ pub(crate) fn compare(
     bar.finish_and_clear();
     let count = pictures.len() as f64;
     let sum = sum.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let samples = sum.into_iter().map(|error| (error / count) as f32).collect();
-    let mean_error = Picture { width: maps.width, height: maps.height, channels: 1, samples };
-    Ok(Evaluation { pictures, linear, mean_error })
+    let of_pixels = sum.into_iter().map(|error| (error / count) as f32).collect();
+    Ok(Evaluation { pictures, linear, of_pixels })
 }
 
 /// How many pictures are compared side by side within the memory that the asset leaves.
@@ -222,13 +235,22 @@ pub(crate) fn same_channels(a: Picture, b: Picture) -> (Picture, Picture) {
     (widened(a), widened(b))
 }
 
-fn add_errors(sum: &mut [f64], relit: &Picture, photograph: &Picture) {
+/// Adds the error of each pixel of a picture to `sum`, which has none where none is asked for.
+fn add_errors(sum: &mut [f64], relit: &Picture, photograph: &Picture, of_pixels: PixelError) {
     let channels = relit.channels;
     let pairs = relit.samples.chunks_exact(channels).zip(photograph.samples.chunks_exact(channels));
     for (sum, (a, b)) in sum.iter_mut().zip(pairs) {
-        let error: f32 = a.iter().zip(b).map(|(a, b)| (a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).abs()).sum();
+        let clipped = a.iter().zip(b).map(|(a, b)| (a.clamp(0.0, 1.0), b.clamp(0.0, 1.0)));
+        let error = match of_pixels {
+            PixelError::None => 0.0,
+            PixelError::Absolute => f64::from(clipped.map(|(a, b)| (a - b).abs()).sum::<f32>()),
+            PixelError::Squared => {
+                let differences = clipped.map(|(a, b)| f64::from(a) - f64::from(b));
+                differences.map(|difference| difference * difference).sum()
+            }
+        };
         // Rounded to 2^-40 so that the sum is exact, hence the same in any order.
-        let fixed = (f64::from(error) / channels as f64 * (1u64 << 40) as f64).round() / (1u64 << 40) as f64;
+        let fixed = (error / channels as f64 * (1u64 << 40) as f64).round() / (1u64 << 40) as f64;
         *sum += fixed;
     }
 }
@@ -267,6 +289,11 @@ impl Evaluation {
             self.worst().map_or(String::new(), |p| format!("; worst {:.2} dB, {}", p.stored.psnr, p.name));
         let (psnr, rmse) = (self.mean(|p| p.stored.psnr), self.mean(|p| p.stored.rmse));
         format!("mean PSNR {psnr:.2} dB{encoded}, RMSE {rmse:.4}{worst}")
+    }
+
+    /// Mean over the lights of the mean squared error of stored values.
+    pub(crate) fn mean_square(&self) -> f64 {
+        self.mean(|p| p.stored.rmse * p.stored.rmse)
     }
 
     fn print(&self) {
@@ -328,12 +355,12 @@ impl Evaluation {
             "worst": self.worst().map(picture),
         })
     }
+}
 
-    /// The mean error of each pixel in colours of a fixed scale.
-    fn heatmap(&self) -> Picture {
-        let samples = self.mean_error.samples.iter().flat_map(|&error| heat(error / HEATMAP_FULL)).collect();
-        Picture { channels: 3, samples, ..self.mean_error }
-    }
+/// The error of each pixel in colours of a fixed scale: black 0, white 0.25 and more.
+pub(crate) fn heat_map((width, height): (usize, usize), errors: impl Iterator<Item = f32>) -> Picture {
+    let samples = errors.flat_map(|error| heat(error / HEATMAP_FULL)).collect();
+    Picture { width, height, channels: 3, samples }
 }
 
 /// Mean over the channels of the mean difference, relit minus photograph.

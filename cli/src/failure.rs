@@ -60,6 +60,12 @@ impl Failure {
         Self { exit: if exit == Exit::BadInput { Exit::Usage } else { exit }, message }
     }
 
+    /// Why.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn words(&self) -> &str {
+        &self.message
+    }
+
     /// Says why on standard error and gives the exit code.
     pub(crate) fn report(&self) -> ExitCode {
         eprintln!("relight: error: {}", self.message);

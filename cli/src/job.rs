@@ -11,8 +11,8 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Keys whose values are paths.
-const PATHS: [&str; 8] =
-    ["input", "output", "report", "positions", "depth", "camera", "scene", "intensities"];
+const PATHS: [&str; 9] =
+    ["input", "output", "report", "heatmaps", "positions", "depth", "camera", "scene", "intensities"];
 
 /// Keys of which a flag of the user's replaces all others.
 const SIZES: [&str; 3] = ["k", "order", "degree"];

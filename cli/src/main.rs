@@ -4,6 +4,7 @@
 //! [`failure::Exit`].
 
 mod bake;
+mod budget;
 mod calibrate;
 mod convert;
 mod evaluate;

@@ -6,6 +6,7 @@ use crate::failure::{Exit, Failure};
 use crate::options::{Machine, MachineOptions};
 use crate::{interrupt, notes, progress};
 use clap::{Args, ValueEnum};
+use indicatif::ProgressBar;
 use relight_core::relighter::relight;
 use relight_core::sphere::{Cap, fibonacci_in};
 use relight_core::{Direction, RelightingMaps};
@@ -184,6 +185,24 @@ fn lights(arguments: &VerifyArguments, packed: &PackedMaps) -> Result<Vec<Direct
     })
 }
 
+/// How far pictures of `maps` on the GPU are from those of `reference` under each of `lights`.
+pub(crate) fn differences(
+    maps: &mut GpuMaps,
+    reference: &RelightingMaps,
+    lights: &[Direction],
+    machine: &Machine,
+    bar: &ProgressBar,
+) -> Result<Vec<Difference>, Failure> {
+    let difference = |&light: &Direction| {
+        interrupt::check()?;
+        let difference =
+            Difference::between(&maps.draw(light, 0)?, &relight(reference, light, machine.level));
+        bar.inc(1);
+        Ok(difference)
+    };
+    lights.iter().map(difference).collect()
+}
+
 fn verify(
     arguments: &VerifyArguments,
     gpu: &Gpu,
@@ -203,10 +222,9 @@ fn verify(
         let mut maps = GpuMaps::upload(gpu, packed, mode, maps_per_pass)?;
         decoded.clone_from(&maps.decoded);
         let mut of_lights = Vec::new();
-        for &light in lights {
-            interrupt::check()?;
-            let difference =
-                Difference::between(&maps.draw(light, 0)?, &relight(reference, light, machine.level));
+        for (&light, difference) in
+            lights.iter().zip(differences(&mut maps, reference, lights, machine, &bar)?)
+        {
             let decoding = match &bound {
                 Some(bound) if mode == TextureMode::Native => bound.at(light),
                 _ => 0.0,
@@ -216,7 +234,6 @@ fn verify(
                 None => ROUNDING * difference.full_range + decoding,
             };
             of_lights.push(LightFigures { light, difference, allowed });
-            bar.inc(1);
         }
         figures.push(ModeFigures { mode, lights: of_lights });
     }

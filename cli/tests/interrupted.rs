@@ -57,16 +57,25 @@ fn signals_end_a_bake_at_any_stage_and_leave_nothing() {
         std::thread::sleep(Duration::from_millis(100));
         assert_ends(child, line, signal);
     }
-    // While the asset is written: its temporary file is there.
+    // While the asset is written: its temporary file is there, and the folder of its versions.
+    let wait_until = |child: &mut Child, is_there: &dyn Fn() -> bool| {
+        while !is_there() {
+            assert!(child.try_wait().unwrap().is_none(), "it ended before it was interrupted");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    };
     let mut child = start(here, line);
-    while names_in(&here.join("out")).len() == 1 {
-        assert!(child.try_wait().unwrap().is_none(), "it ended before it was interrupted");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    assert!(names_in(&here.join("out"))[0].starts_with(".a.ktx2.relight-"));
+    wait_until(&mut child, &|| names_in(&here.join("out")).len() == 3);
+    assert!(names_in(&here.join("out"))[..2].iter().all(|name| name.starts_with(".a.ktx2.relight-")));
     assert_ends(child, line, "-INT");
     assert_eq!(names_in(&here.join("out")), ["a.ktx2"]);
     assert_eq!(fs::read(here.join("out/a.ktx2")).unwrap(), b"older");
+    // While its versions are held against the pictures, the asset stands already.
+    let mut child = start(here, line);
+    wait_until(&mut child, &|| fs::read(here.join("out/a.ktx2")).unwrap() != b"older");
+    assert_eq!(names_in(&here.join("out")).len(), 2);
+    assert_ends(child, line, "-INT");
+    assert_eq!(names_in(&here.join("out")), ["a.ktx2"]);
 }
 
 /// A small file system, unmounted when dropped.

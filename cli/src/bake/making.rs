@@ -4,6 +4,7 @@ use super::Stages;
 use super::fit::{self, BakeFit, Choice};
 use super::fit_options::FitOptions;
 use super::textures::{self, Plan, TextureOptions, Trial};
+use super::versions::Versions;
 use crate::failure::Failure;
 use crate::options::Machine;
 use crate::{interrupt, progress};
@@ -22,6 +23,8 @@ use std::time::Instant;
 pub(crate) struct Planned<'a> {
     pub(crate) output: PathBuf,
     pub(crate) model: Model,
+    /// The folder that gets its [`Versions`], where they are wanted.
+    pub(crate) keep_versions_in: Option<PathBuf>,
     format: &'static AssetFormat,
     settings: WriteSettings,
     fit: &'a FitOptions,
@@ -36,6 +39,8 @@ pub(crate) struct Planned<'a> {
 pub(crate) struct Made {
     pub(crate) plan: Plan,
     pub(crate) packed: PackReport,
+    /// What it was before, where that was to be kept.
+    pub(crate) versions: Option<Versions>,
     /// Its files.
     pub(crate) files: Vec<PathBuf>,
     /// Seconds of all threads together in which it was written.
@@ -108,8 +113,19 @@ impl<'a> Planned<'a> {
         }
         let lights = capture.capture.lights.directions();
         let model = Model { basis: choice.stored()?, layout, space, lights, figures: None };
-        let output = output.to_owned();
-        let planned = Self { output, model, format, settings, fit, textures, size, formats, levels, choice };
+        let planned = Self {
+            output: output.to_owned(),
+            model,
+            keep_versions_in: None,
+            format,
+            settings,
+            fit,
+            textures,
+            size,
+            formats,
+            levels,
+            choice,
+        };
         format.check(&planned.output, &planned.asset_plan(), &settings).map_err(Failure::of_output)?;
         Ok(planned)
     }
@@ -124,6 +140,12 @@ impl<'a> Planned<'a> {
         let Some(&format) = self.formats.first() else { return 0 };
         let layers = planes_of_layers(&self.model, format).len() as u64;
         layers * format.levels_bytes(self.size.0, self.size.1, self.levels)
+    }
+
+    /// Bytes of its coefficients as floats, at most: learned planes may turn out to be fewer.
+    pub(crate) fn float_bytes(&self) -> u64 {
+        let (width, height) = self.size;
+        (self.model.plane_count() as u64 * 4).saturating_mul((width * height) as u64)
     }
 
     /// Pixels of a span that suits its writer.
@@ -214,10 +236,20 @@ pub(crate) fn make(
         check(&outputs)?;
         files.push(outputs);
     }
-    let mut writers = Vec::new();
+    let (mut writers, mut versions, mut version_writers) = (Vec::new(), Vec::new(), Vec::new());
     for (asset, plan) in assets.iter().zip(&plans) {
         let (width, height) = asset.size;
         let header = AssetHeader { width, height, model: asset.model.clone(), packing: plan.packing.clone() };
+        let kept = match &asset.keep_versions_in {
+            Some(folder) => {
+                Some(Versions::create(folder, &asset.output, asset.format, &header, &asset.settings)?)
+            }
+            None => None,
+        };
+        versions.push(kept.map(|(versions, writers)| {
+            version_writers.extend(writers);
+            versions
+        }));
         let positions = positions.take();
         writers.push((
             asset.format.create_with_positions(&asset.output, header, &asset.settings, positions)?,
@@ -234,9 +266,13 @@ pub(crate) fn make(
                 writer.write(span)?;
                 nanoseconds.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
             }
+            version_writers.iter().try_for_each(|writer| writer.write(span))?;
             bar.inc(span.pixels as u64);
             Ok(())
         })?;
+        for writer in version_writers {
+            writer.finish()?;
+        }
         let finish = |(writer, nanoseconds): (Box<dyn relight_formats::AssetWriter>, AtomicU64)| {
             let start = Instant::now();
             let packed = writer.finish()?;
@@ -245,8 +281,14 @@ pub(crate) fn make(
         writers.into_iter().map(finish).collect()
     })?;
     bar.finish_and_clear();
-    let made = plans.into_iter().zip(packed).zip(files);
+    let made = plans.into_iter().zip(packed).zip(versions).zip(files);
     Ok(made
-        .map(|((plan, (packed, write_seconds)), files)| Made { plan, packed, files, write_seconds })
+        .map(|(((plan, (packed, write_seconds)), versions), files)| Made {
+            plan,
+            packed,
+            versions,
+            files,
+            write_seconds,
+        })
         .collect())
 }

@@ -6,7 +6,10 @@ mod making;
 mod positions;
 mod report;
 pub(crate) mod textures;
+mod versions;
 
+use crate::budget::{Account, Judges, heat_map_files};
+use crate::evaluate::{Evaluation, PixelError};
 use crate::failure::Failure;
 use crate::holdout::Holdout;
 use crate::near::{NearOptions, surface_bytes};
@@ -18,12 +21,14 @@ pub(crate) use fit::BakeFit;
 pub(crate) use fit_options::{Color, FitOptions, TargetOptions};
 pub(crate) use making::{Made, Planned, Samples, bytes_beside, make};
 use relight_core::{Space, Stack};
-use relight_fit::LevelledStack;
+use relight_fit::{LevelledStack, NearLamps};
 use relight_formats::{
-    AssetFormat, AssetPositions, OpenCapture, PictureStack, StackSettings, open_capture, place_of,
+    AssetFormat, AssetPositions, OpenCapture, PictureStack, ScratchFolder, StackSettings, open_capture,
+    place_of,
 };
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+pub(crate) use versions::Versions;
 
 /// What to fit and how. Every option is also a key of a TOML job file given as INPUT.
 #[derive(Args, Debug)]
@@ -46,9 +51,13 @@ pub(crate) struct BakeArguments {
     /// Pictures to leave out and judge by: every:N, random:N, random:N:SEED or FILE.lp
     #[arg(long, value_name = "WHICH")]
     holdout: Option<Holdout>,
-    /// Write figures of the fit, each light's errors and times as JSON
+    /// Write figures of the fit, each light's errors, what error each stage adds and times as JSON; until that is known,
+    /// coefficients take 4 bytes each in a folder beside the output, and a fifth where there are blocks or JPEG
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// With --report: write the error of each pixel after each stage as heatmap-STAGE.png; black is 0, white 0.25 and more
+    #[arg(long, value_name = "FOLDER")]
+    heatmaps: Option<PathBuf>,
     #[command(flatten)]
     machine: MachineOptions,
 }
@@ -91,6 +100,9 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.report {
         check_writable(path)?;
     }
+    if let Some(folder) = &arguments.heatmaps {
+        check_heat_maps(folder, arguments.report.is_some())?;
+    }
     let spill_folder = spill_folder(&arguments.output);
     let mut stages = Stages::default();
 
@@ -126,7 +138,13 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let others =
         arguments.positions.files().chain(arguments.photographs.files()).chain(arguments.near.files());
     let inputs = input_files(&all, left_out.as_ref(), others);
-    check_apart(std::iter::once(&arguments.output).chain(&arguments.report), inputs.iter().copied())?;
+    let beside_asset: Vec<PathBuf> = arguments
+        .report
+        .iter()
+        .cloned()
+        .chain(arguments.heatmaps.iter().flat_map(|f| heat_map_files(f)))
+        .collect();
+    check_apart(std::iter::once(&arguments.output).chain(&beside_asset), inputs.iter().copied())?;
     let space = arguments.fit.space(&all);
     let stored = wanted && !(lamps.is_some() && format.positions.is_empty());
     if wanted && !stored {
@@ -166,9 +184,14 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let mut fit = stages.time("solve", || planned.solve(&fitted, &Samples::new(stack), lamps.as_ref()))?;
     let position_facts = positions.as_ref().map(positions::PositionFacts::of);
     let check =
-        |outputs: &[PathBuf]| check_apart(outputs.iter().chain(&arguments.report), inputs.iter().copied());
+        |outputs: &[PathBuf]| check_apart(outputs.iter().chain(&beside_asset), inputs.iter().copied());
+    let scratch = match &arguments.report {
+        Some(_) => versions_folder(&planned, lamps.as_ref(), &machine, &mut scene_notes)?,
+        None => None,
+    };
+    planned.keep_versions_in = scratch.as_ref().map(|folder| folder.path().to_owned());
     let mut made = make(&mut [&mut planned], &fit, stack, positions, &machine, &mut stages, &check)?;
-    let Made { plan, packed, .. } = made.swap_remove(0);
+    let Made { plan, packed, versions, .. } = made.swap_remove(0);
     fit.notes.extend(found.as_ref().map(|found| found.why.clone()));
     fit.notes.append(&mut scene_notes);
     fit.notes.extend(textures::size_note(&plan.packing, fitted.size().0, fitted.size().1));
@@ -176,21 +199,23 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let spilled = pictures.spilled_bytes();
     drop(pictures);
 
-    let judged = match &left_out {
-        Some(capture) => {
-            let lamps = lamps_of_judges.as_ref();
-            Some(
-                stages
-                    .time("hold-out", || evaluate::evaluate(&arguments.output, capture, lamps, &machine))?,
-            )
+    let left_out = left_out.as_ref().map(|capture| Judges { capture, lamps: lamps_of_judges.as_ref() });
+    let (budget, judged) = match &versions {
+        Some(versions) => {
+            let seen = Judges { capture: &fitted, lamps: lamps.as_ref() };
+            let account = Account { asset: &arguments.output, versions, seen, left_out, machine: &machine };
+            let (budget, judged) = stages.time("error budget", || account.settle())?;
+            (Some(budget), left_out.map(|_| judged))
         }
-        None => None,
+        None => (None, judged_by(&arguments.output, left_out, &machine, &mut stages)?),
     };
+    drop(scratch);
     let summary = report::Summary {
         fit: &fit,
         fitted: &fitted,
         notes: &all.capture.notes,
         judged: judged.as_ref(),
+        budget: budget.as_ref(),
         stages: &stages,
         spilled,
         model: &planned.model,
@@ -202,7 +227,54 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.report {
         relight_formats::write_whole(path, summary.json(&arguments.output).as_bytes())?;
     }
+    if let (Some(folder), Some(budget)) = (&arguments.heatmaps, &budget) {
+        budget.write_heat_maps(folder)?;
+    }
     Ok(())
+}
+
+/// Fails where heat maps can't stand in `folder`, or nothing is known that they could show.
+fn check_heat_maps(folder: &Path, reported: bool) -> Result<(), Failure> {
+    let refused = |problem: &str| Err(Failure::usage(format!("--heatmaps {}: {problem}", folder.display())));
+    if !reported {
+        return refused("heat maps belong to the error budget of --report; give that too");
+    }
+    if folder.is_file() {
+        return refused("is a file; name a folder");
+    }
+    Ok(())
+}
+
+/// A folder for the versions of an asset, gone when it is dropped; a note instead where they could not be read back.
+fn versions_folder(
+    planned: &Planned<'_>,
+    lamps: Option<&NearLamps>,
+    machine: &Machine,
+    notes: &mut Vec<String>,
+) -> Result<Option<ScratchFolder>, Failure> {
+    let needed = planned.float_bytes().saturating_add(surface_bytes(lamps));
+    if needed > machine.memory {
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        notes.push(format!(
+            "no error budget: the coefficients as floats take {} MiB, --memory allows {}",
+            mib(needed),
+            mib(machine.memory)
+        ));
+        return Ok(None);
+    }
+    Ok(Some(ScratchFolder::beside(&planned.output)?))
+}
+
+/// What pictures that were left out say of the asset at `output`.
+fn judged_by(
+    output: &Path,
+    left_out: Option<Judges<'_>>,
+    machine: &Machine,
+    stages: &mut Stages,
+) -> Result<Option<Evaluation>, Failure> {
+    let Some(Judges { capture, lamps }) = left_out else { return Ok(None) };
+    let judge = || evaluate::evaluate(output, capture, lamps, machine, PixelError::None);
+    Ok(Some(stages.time("hold-out", judge)?))
 }
 
 /// The choice that the targets take, and the decoded pictures. What it measures is written to a folder that is gone afterwards.
@@ -211,7 +283,7 @@ fn search(
     opened: &sweep::Opened<'_>,
     stages: &mut Stages,
 ) -> Result<(sweep::Found, PictureStack), Failure> {
-    let folder = relight_formats::ScratchFolder::beside(&arguments.output)?;
+    let folder = ScratchFolder::beside(&arguments.output)?;
     let scratch =
         folder.path().join("asset").with_extension(arguments.output.extension().unwrap_or_default());
     sweep::search(opened, &arguments.fit, &arguments.textures, &scratch, stages)

@@ -4,6 +4,7 @@ use super::Stages;
 use super::fit::{BakeFit, FunctionFit, Solved};
 use super::positions::PositionFacts;
 use super::textures::Plan;
+use crate::budget::Budget;
 use crate::evaluate::Evaluation;
 use crate::notes;
 use crate::say::say;
@@ -20,6 +21,7 @@ pub(super) struct Summary<'a> {
     /// What was noteworthy about the capture's files.
     pub(super) notes: &'a [String],
     pub(super) judged: Option<&'a Evaluation>,
+    pub(super) budget: Option<&'a Budget>,
     pub(super) stages: &'a Stages,
     pub(super) spilled: u64,
     pub(super) model: &'a Model,
@@ -65,6 +67,7 @@ impl Summary<'_> {
         if let Some(judged) = self.judged {
             say!("held out, {} pictures: {}", judged.pictures.len(), judged.mean_words());
         }
+        self.budget.iter().flat_map(|budget| budget.lines()).for_each(|line| say!("{line}"));
         let total: f64 = self.stages.0.iter().map(|(_, seconds)| seconds).sum();
         let stages: Vec<_> =
             self.stages.summed().iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
@@ -163,6 +166,7 @@ impl Summary<'_> {
             "leave_one_out_rmse": finite(figures.leave_one_out_rmse),
             "lights": lights,
             "holdout": self.judged.map(Evaluation::to_json),
+            "error_budget": self.budget.map(Budget::to_json),
             "notes": self.notes.iter().chain(&self.fit.notes).collect::<Vec<_>>(),
             "seconds": stages,
             "spilled_bytes": self.spilled,

@@ -6,7 +6,7 @@ use super::gpu_time::GpuClock;
 use super::outcome::{Judged, Outcome, Times, outcome_of};
 use super::render_time::render_times;
 use crate::bake::{BakeFit, Made, Planned, Samples, Stages, bytes_beside, load, make};
-use crate::evaluate;
+use crate::evaluate::{self, PixelError};
 use crate::failure::Failure;
 use crate::options::Machine;
 use relight_core::Space;
@@ -151,7 +151,9 @@ impl<'a> Bench<'a> {
                             Some(judges) => Ok(judges[i].clone()),
                             None => Ok(capture.photograph(i, machine.level, machine.memory)?),
                         };
-                        let evaluation = evaluate::compare(maps, capture, None, machine, &photograph)?;
+                        let of_pixels = PixelError::None;
+                        let evaluation =
+                            evaluate::compare(maps, capture, None, machine, &photograph, of_pixels)?;
                         Ok(Judged::of_left_out(&evaluation))
                     }
                     _ => Ok(Judged::predicted(fit, made.packed.relit_rmse, fitted)),

@@ -25,6 +25,8 @@ pub struct Difference {
     pub max: f64,
     /// The mean of all samples.
     pub mean: f64,
+    /// Root mean square of all samples.
+    pub rms: f64,
     /// Signal-to-noise ratio in dB, the peak being the full range; infinite for equal pictures.
     pub psnr: f64,
     /// The largest value of the reference, at least 1: what tolerances are relative to.
@@ -64,8 +66,8 @@ impl Difference {
             drawn: drawn.samples[at],
             reference: reference.samples[at],
         };
-        let psnr = psnr((squares / count).sqrt() / full_range);
-        Self { max, mean: sum / count, psnr, full_range, worst }
+        let rms = (squares / count).sqrt();
+        Self { max, mean: sum / count, rms, psnr: psnr(rms / full_range), full_range, worst }
     }
 }
 
@@ -87,6 +89,7 @@ mod tests {
         let worst = WorstSample { x: 1, y: 1, channel: 1, drawn: 1.0, reference: 0.5 };
         assert_eq!(difference.worst, worst);
         // Mean square (0.0625 + 0.25) / 12 against the peak's 16.
+        assert!((difference.rms - (0.3125f64 / 12.0).sqrt()).abs() < 1e-12);
         assert!((difference.psnr - 10.0 * libm::log10(16.0 * 12.0 / 0.3125)).abs() < 1e-9);
         assert_eq!(Difference::between(&reference, &reference).psnr, f64::INFINITY);
     }
