@@ -12,7 +12,7 @@ use crate::holdout::Holdout;
 use crate::near::{NearOptions, surface_bytes};
 use crate::options::{Machine, MachineOptions, check_apart, check_writable};
 use crate::photograph_options::PhotographOptions;
-use crate::{evaluate, interrupt, notes, progress, sweep};
+use crate::{evaluate, interrupt, notes, page, progress, sweep};
 use clap::Args;
 pub(crate) use fit::BakeFit;
 pub(crate) use fit_options::{Color, FitOptions, TargetOptions};
@@ -46,7 +46,8 @@ pub(crate) struct BakeArguments {
     /// Pictures to leave out and judge by: every:N, random:N, random:N:SEED or FILE.lp
     #[arg(long, value_name = "WHICH")]
     holdout: Option<Holdout>,
-    /// Write figures of the fit, each light's errors and times as JSON
+    /// Write figures of the fit, each light's errors and times as .json, or as a .html page that shows and relights the
+    /// asset, with the .json beside it
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -76,7 +77,10 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
     let format = AssetFormat::by_path(&arguments.output).map_err(Failure::of_output)?;
     format.check_writable(&arguments.output).map_err(Failure::of_output)?;
-    if let Some(path) = &arguments.report {
+    let report_files = arguments.report.as_deref().map(page::report_files).transpose()?;
+    let reports: Vec<PathBuf> =
+        report_files.iter().flat_map(|(json, page)| [json].into_iter().chain(page).cloned()).collect();
+    for path in &reports {
         check_writable(path)?;
     }
     let spill_folder = spill_folder(&arguments.output);
@@ -117,7 +121,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         arguments.positions.files().chain(arguments.photographs.files()).chain(arguments.near.files());
     let inputs: Vec<&PathBuf> =
         all.capture.pictures.iter().chain([&all.capture.light_file]).chain(judges).chain(positions).collect();
-    check_apart(std::iter::once(&arguments.output).chain(&arguments.report), inputs.iter().copied())?;
+    check_apart(std::iter::once(&arguments.output).chain(&reports), inputs.iter().copied())?;
     let space = arguments.fit.space(&all);
     let found = match arguments.fit.searches()? {
         true => {
@@ -152,8 +156,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let stack: &dyn Stack = levelled.as_ref().map_or(&pictures, |levelled| levelled);
     let mut fit = stages.time("solve", || planned.solve(&fitted, &Samples::new(stack), lamps.as_ref()))?;
     let position_facts = positions.as_ref().map(positions::PositionFacts::of);
-    let check =
-        |outputs: &[PathBuf]| check_apart(outputs.iter().chain(&arguments.report), inputs.iter().copied());
+    let check = |outputs: &[PathBuf]| check_apart(outputs.iter().chain(&reports), inputs.iter().copied());
     let mut made = make(&mut [&mut planned], &fit, stack, positions, &machine, &mut stages, &check)?;
     let Made { plan, packed, .. } = made.swap_remove(0);
     fit.notes.extend(found.as_ref().map(|found| found.why.clone()));
@@ -186,8 +189,13 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         positions: position_facts.as_ref(),
     };
     summary.print(&arguments.output);
-    if let Some(path) = &arguments.report {
-        relight_formats::write_whole(path, summary.json(&arguments.output).as_bytes())?;
+    if let Some((json, page)) = &report_files {
+        let report = summary.json(&arguments.output);
+        relight_formats::write_whole(json, report.as_bytes())?;
+        if let Some(page) = page {
+            let captures = (&fitted, left_out.as_ref());
+            page::write_bake_page(page, &report, &arguments.output, captures, None, &machine)?;
+        }
     }
     Ok(())
 }
