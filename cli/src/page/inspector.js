@@ -51,11 +51,13 @@ async function showInspector() {
   const grid = [];
   for (let i = 0; i < GRID * GRID; i++) {
     const [u, v] = [(2 * ((i % GRID) + 0.5)) / GRID - 1, 1 - (2 * (Math.floor(i / GRID) + 0.5)) / GRID];
-    grid.push(Math.hypot(u, v) <= 1 ? asset.known(directionFromDisc(u, v, rim)) : null);
+    // A little beyond the rim, so that its edge is drawn whole.
+    grid.push(Math.hypot(u, v) <= 1.1 ? asset.known(directionFromDisc(u, v, rim)) : null);
   }
   // Terms of the grid's directions are the same for all pixels.
   const terms = grid.map((direction) => (direction ? asset.weights(direction) : null));
 
+  let points = [];
   const show = () => {
     const [x, y] = state.pixel;
     const of = CHANNELS.find(({ name }) => name === channel.value).of;
@@ -64,7 +66,7 @@ async function showInspector() {
     const coefficients = asset.coefficients(x, y);
     const base = asset.baseAt(coefficients);
     const samples = samplesAt(pictures, state.pixel, reader);
-    const points = samples.map(({ index, value }) => ({
+    points = samples.map(({ index, value }) => ({
       light: lights[index],
       sample: of(value),
       fit: Math.max(of(asset.valueOf(asset.weights(asset.known(lights[index].direction)), coefficients, base)), 0),
@@ -76,10 +78,10 @@ async function showInspector() {
     drawFunction(byId('function'), fitted, most);
     byId('pixel-legend').replaceChildren(legend('0', most.toFixed(2), `${channel.value}, encoded`));
     byId('pixel-plot').replaceChildren(plotByLight(points, most));
-    showNumbers(points);
+    showNumbers();
   };
 
-  const showNumbers = (points) => {
+  const showNumbers = () => {
     const [x, y] = state.pixel;
     const whole = details.factor > 1 ? `, of the asset about ${x * details.factor}, ${y * details.factor}` : '';
     byId('pixel-title').textContent = `Pixel ${x}, ${y}${whole}`;
@@ -97,18 +99,10 @@ async function showInspector() {
     text.textContent = sentences.join(' ');
     text.dataset.codes = codes.join(',');
   };
-  let asked = false;
-  const later = () => {
-    if (!asked) {
-      asked = true;
-      requestAnimationFrame(() => {
-        asked = false;
-        show();
-      });
-    }
-  };
-  ['pixel', 'light', 'direction'].forEach((what) => whenever(what, later));
-  channel.addEventListener('change', later);
+  const everything = oncePerFrame(show);
+  ['pixel', 'light'].forEach((what) => whenever(what, everything));
+  whenever('direction', oncePerFrame(showNumbers));
+  channel.addEventListener('change', everything);
 }
 
 function clearedDisc(canvas) {
@@ -150,7 +144,12 @@ function drawFunction(canvas, fitted, most) {
     }
   });
   small.getContext('2d').putImageData(picture, 0, 0);
+  context.beginPath();
+  context.arc(0, 0, radius, 0, 2 * Math.PI);
+  context.save();
+  context.clip();
   context.drawImage(small, -radius, -radius, 2 * radius, 2 * radius);
+  context.restore();
 }
 
 /** Samples (rings) and fitted values (dots) by light, in the order of the capture. */

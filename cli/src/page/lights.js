@@ -37,13 +37,14 @@ function showSphere() {
   const rings = rim > 2 ? [60, 30, 0, -30, -60] : [60, 30];
   for (const elevation of rings) {
     const radius = ((90 - elevation) / degrees(rim)) * SPHERE;
-    drawing.append(svg('circle', { class: 'ring', r: radius }), svg('text', { x: 2, y: -radius + 8 }, `${elevation}°`));
+    drawing.append(svg('circle', { class: 'ring', r: radius }), svg('text', { x: 2, y: -radius + 6 }, `${elevation}°`));
   }
-  drawing.append(svg('text', { x: 0, y: -104, 'text-anchor': 'middle' }, 'up'), svg('text', { x: 103, y: 3 }, 'right'));
+  drawing.append(svg('text', { y: -103, 'text-anchor': 'middle' }, 'up'), svg('text', { y: -103, transform: 'rotate(90)', 'text-anchor': 'middle' }, 'right'));
   const { gap, basis, lights } = details;
   if (gap) {
     const around = circleAround(gap.centre, (gap.degrees * Math.PI) / 180).map(place);
-    drawing.append(svg('path', { class: 'gap', d: `M${around.map((at) => at.map((v) => v.toFixed(1)).join(' ')).join('L')}Z` },
+    drawing.append(svg('clipPath', { id: 'dome' }, svg('circle', { r: SPHERE })));
+    drawing.append(svg('path', { class: 'gap', 'clip-path': 'url(#dome)', d: `M${around.map((at) => at.map((v) => v.toFixed(1)).join(' ')).join('L')}Z` },
       svg('title', {}, `largest gap between lights: ${gap.degrees.toFixed(1)}° to the nearest`)));
   }
   for (const centre of basis.centres ?? []) {
@@ -88,7 +89,7 @@ function showSphere() {
   if (gap) {
     words.push(`the largest gap (broken line) is ${gap.degrees.toFixed(1)}° to the nearest light`);
   }
-  words.push(isNumber(details.condition) ? `condition number ${details.condition.toPrecision(3)}` : 'no condition number: planes are learned');
+  words.push(isNumber(details.condition) ? `condition number ${details.condition.toPrecision(3)}` : 'planes that are learned have no condition number');
   if (basis.centres) {
     words.push(`crosses are the ${basis.centres.length} centres of the functions`);
   }
@@ -135,7 +136,7 @@ function circleAround(centre, radius) {
   return Array.from({ length: 60 }, (_, i) => {
     const turn = (2 * Math.PI * i) / 60;
     return centre.map((c, j) => Math.cos(radius) * c + Math.sin(radius) * (Math.cos(turn) * u[j] + Math.sin(turn) * v[j]));
-  }).filter((direction) => direction[2] > -0.35 || rimOf(details.lights) > 2);
+  });
 }
 
 /** Pixels along a small picture of the table. */

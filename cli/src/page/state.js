@@ -22,6 +22,20 @@ function tell(what) {
   listeners[what].forEach((listener) => listener());
 }
 
+/** What does `work` before the next frame, however often it is called until then. */
+function oncePerFrame(work) {
+  let asked = false;
+  return () => {
+    if (!asked) {
+      asked = true;
+      requestAnimationFrame(() => {
+        asked = false;
+        work();
+      });
+    }
+  };
+}
+
 function unit(vector) {
   const length = Math.hypot(...vector);
   return vector.map((value) => value / length);

@@ -30,16 +30,7 @@ function showPanel() {
   canvas.setAttribute('aria-label', 'the asset under the live light');
   stage.append(canvas, crosshair());
   markCoarse(stage);
-  let asked = false;
-  const paint = () => {
-    if (!asked) {
-      asked = true;
-      requestAnimationFrame(() => {
-        asked = false;
-        painter.paint?.(state.direction);
-      });
-    }
-  };
+  const paint = oncePerFrame(() => painter.paint?.(state.direction));
   canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
   canvas.addEventListener('webglcontextrestored', () => {
     painter.paint = painter.again();
