@@ -8,6 +8,8 @@ mod devtools;
 mod scene;
 
 use devtools::Browser;
+use relight_core::CpuLevel;
+use relight_formats::Samples;
 use scene::{copy_icon72, icon72, json_of, made, number, relight, relight_words};
 use serde_json::{Value, json};
 use std::fs;
@@ -48,6 +50,15 @@ fn rendered(here: &Path, asset: &str, light: &Value) -> Vec<u8> {
     image::open(here.join("r.png")).unwrap().into_rgb8().into_raw()
 }
 
+/// R, G, B of the part of a picture of the capture.
+fn photograph(here: &Path, name: &Value) -> Vec<u8> {
+    let path = here.join("capture").join(name.as_str().unwrap());
+    let decoded = relight_formats::decode(&path, CpuLevel::BASELINE, 1 << 30).unwrap();
+    let Samples::U8(codes) = decoded.samples else { panic!("8 bits") };
+    let row = |y: usize| &codes[3 * ((170 + y) * decoded.info.width + 150)..][..3 * PART.0];
+    (0..PART.1).flat_map(|y| row(y).to_vec()).collect()
+}
+
 /// The largest difference of a code.
 fn worst(a: &[u8], b: &[u8]) -> u8 {
     assert_eq!(a.len(), b.len());
@@ -84,7 +95,8 @@ fn dragging_the_light_gives_the_rendered_picture() {
                 let off = worst(&drawn, &expected);
                 println!("{name}{query} {light}: off by {off}");
                 assert!(off <= TOLERANCE, "{name}{query} {light}: off by {off}");
-                assert!(worst(&drawn, &before) > 40, "{name}{query}: the picture changed");
+                let changed = drawn.iter().zip(&before).filter(|(a, b)| a != b).count();
+                assert!(changed > drawn.len() / 4, "{name}{query}: {changed} codes changed");
             }
             // The light is where the pointer was, on a dome over the shorter side.
             let x = number(&browser.value("({ x: state.direction[0] })"), "x");
@@ -125,9 +137,7 @@ fn the_slider_has_the_picture_on_one_side_and_the_bake_on_the_other() {
     browser.value("document.getElementById('picture').decode().then(() => true)");
     let (bake, picture) = (browser.codes("bake"), browser.codes("picture"));
     assert!(worst(&bake, &rendered(here, "asset.ktx2", &light["direction"])) <= TOLERANCE);
-    let photograph = image::open(here.join("capture").join(light["name"].as_str().unwrap())).unwrap();
-    let (width, height) = (PART.0 as u32, PART.1 as u32);
-    let photograph = photograph.crop_imm(150, 170, width, height).into_rgb8().into_raw();
+    let photograph = photograph(here, &light["name"]);
     let mean = |a: &[u8], b: &[u8]| {
         a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
     };
@@ -165,8 +175,8 @@ fn a_clicked_pixel_has_its_samples_and_the_value_that_render_gives() {
 
     // The sample under the chosen light is that of its picture, by luminance.
     let name = browser.value("details.lights[state.light].name");
-    let picture = image::open(here.join("capture").join(name.as_str().unwrap())).unwrap().into_rgb8();
-    let [r, g, b] = picture.get_pixel(150 + x as u32, 170 + y as u32).0.map(f64::from);
+    let picture = photograph(here, &name);
+    let [r, g, b] = [0, 1, 2].map(|c| f64::from(picture[3 * (y * PART.0 + x) + c]));
     let sample: f64 = text.split_once("sample ").unwrap().1.split_once(',').unwrap().0.parse().unwrap();
     let luminance = (0.2126 * r + 0.7152 * g + 0.0722 * b) / 255.0;
     assert!((sample - luminance).abs() < 0.02, "{sample} {luminance}");

@@ -154,7 +154,7 @@ function drawFunction(canvas, fitted, most) {
 
 /** Samples (rings) and fitted values (dots) by light, in the order of the capture. */
 function plotByLight(points, most) {
-  const [width, height, left, bottom] = [520, 190, 34, 22];
+  const [width, height, left, bottom] = [520, 180, 46, 10];
   const x = (i) => left + ((i + 0.5) * (width - left - 6)) / Math.max(points.length, 1);
   const y = (value) => 8 + (1 - Math.min(value / most, 1)) * (height - bottom - 8);
   const drawing = svg('svg', { viewBox: `0 0 ${width} ${height}`, role: 'img', 'aria-label': 'samples and fitted values of the pixel by light' });
@@ -169,6 +169,6 @@ function plotByLight(points, most) {
       svg('circle', { class: 'fit', cx: x(i), cy: y(fit), r: 2.2 }));
     drawing.append(mark);
   });
-  drawing.append(svg('text', { class: 'axis', x: (width + left) / 2, y: height - 5, 'text-anchor': 'middle' }, 'lights in the order of the capture; rings are samples, dots what is fitted'));
-  return drawing;
+  const words = 'By light, in the order of the capture: rings are samples, dots what is fitted; a click takes the light.';
+  return element('div', {}, drawing, element('p', { class: 'hint' }, words));
 }

@@ -26,7 +26,7 @@ pub(super) struct Cost {
 
 const WIDTH: f64 = 440.0;
 const HEIGHT: f64 = 320.0;
-const LEFT: f64 = 48.0;
+const LEFT: f64 = 60.0;
 const RIGHT: f64 = 14.0;
 const TOP: f64 = 12.0;
 const BOTTOM: f64 = 46.0;
@@ -71,7 +71,7 @@ pub(super) fn plot(cost: Cost, points: &[Point]) -> String {
     let scale = if xs.logarithmic { ", logarithmic" } else { "" };
     let _ = write!(
         svg,
-        "<text class=\"axis\" x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}{scale}</text><text class=\"axis\" x=\"12\" y=\"{:.1}\" text-anchor=\"middle\" transform=\"rotate(-90 12 {:.1})\">PSNR, dB</text>",
+        "<text class=\"axis\" x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}{scale}</text><text class=\"axis\" x=\"13\" y=\"{:.1}\" text-anchor=\"middle\" transform=\"rotate(-90 13 {:.1})\">PSNR, dB</text>",
         (LEFT + right) / 2.0,
         HEIGHT - 10.0,
         html(cost.label),

@@ -143,7 +143,7 @@ function showBudget() {
   const columns = [
     { title: 'stage', text: (row) => row.name },
     { title: 'adds (MSE)', text: (row) => row.adds.toExponential(3) },
-    { title: 'share', text: (row) => `${(100 * share(row)).toFixed(1)} %` },
+    { title: 'share', text: (row) => `${(100 * share(row)).toFixed(1)} %`, class: 'wide' },
     { title: 'RMSE after', text: (row) => fixed(rms(row.to), 4) },
     { title: 'from, to', text: bar, class: 'wide' },
   ];

@@ -110,10 +110,11 @@ impl Browser {
     #[track_caller]
     pub(crate) fn open(&mut self, page: &Path, query: &str) {
         self.complaints.clear();
-        self.call("Page.navigate", &json!({ "url": format!("file://{}{query}", page.display()) }));
-        let query = json!(query);
+        let address = format!("file://{}{query}", page.display());
+        self.call("Page.navigate", &json!({ "url": address }));
+        let address = json!(address);
         let ready =
-            format!("document.documentElement.dataset.ready === 'true' && location.search === {query}");
+            format!("document.documentElement?.dataset.ready === 'true' && location.href === {address}");
         let start = Instant::now();
         while self.value(&ready) != true {
             let verdict = "document.getElementById('verdict')?.textContent";
