@@ -97,7 +97,7 @@ function showSphere() {
 
   const toDisc = (x, y) => [((x - 0.5) * 224) / SPHERE, (-(y - 0.5) * 224) / SPHERE];
   onPointer(drawing, {
-    drag: (x, y) => turnTo(directionFromDisc(...toDisc(x, y), Math.min(rim, Math.PI / 2 + (rim > 2 ? 2 : 0)))),
+    drag: (x, y) => turnTo(directionFromDisc(...toDisc(x, y), rim)),
     click: (x, y) => {
       const at = directionFromDisc(...toDisc(x, y), rim);
       const nearest = lights.reduce((best, light) => (angleBetween(light.direction, at) < angleBetween(best.direction, at) ? light : best));

@@ -262,7 +262,6 @@ impl Page<'_> {
             "lights": lights,
             "pictures": {
                 "every": pictures.every,
-                "of": lights.len(),
                 "quality": pictures::QUALITY,
                 "list": pictures.list.iter().map(|(light, uri)| json!([light, uri])).collect::<Vec<_>>(),
             },

@@ -112,14 +112,8 @@ mod tests {
         assert!(axis.logarithmic);
         assert_eq!(labels(&axis), ["2", "5", "10", "20", "50"]);
         assert!((axis.place(axis.least * 10.0) - 1.0 / libm::log10(axis.most / axis.least)).abs() < 1e-12);
-        assert_eq!(
-            labels(&Axis::of(&[0.004, 9.0], true)),
-            ["0.010", "0.03", "0.10", "0.3", "1", "3", "10"].map(|l| match l {
-                "0.010" => "0.01",
-                "0.10" => "0.1",
-                other => other,
-            })
-        );
+        let labels_of_decades = ["0.01", "0.03", "0.1", "0.3", "1", "3", "10"];
+        assert_eq!(labels(&Axis::of(&[0.004, 9.0], true)), labels_of_decades);
         // Zero has no logarithm.
         assert!(!Axis::of(&[0.0, 1000.0], true).logarithmic);
         assert!(!Axis::of(&[2.5, 60.0], false).logarithmic);
