@@ -165,6 +165,10 @@ function showBudget() {
     byId('heat-legend').append(element('p', { class: 'hint' }, 'Root mean square error of a pixel over the lights, one scale for all maps:'),
       element('div', { class: 'heat' }, element('img', { src: budget.legend.image, alt: 'colours from 0.001 to 0.316' }), ...ticks));
   }
+  const worstLight = details?.lights.find((light) => light.name === budget.worst_light?.[0]);
+  if (worstLight) {
+    byId('worst-pixels').append('worst light:', element('button', { type: 'button', click: () => choose(worstLight.index) }, worstLight.name));
+  }
   if (budget.worst_pixels.length > 0) {
     byId('worst-pixels').append('worst pixels:', ...budget.worst_pixels.map(([x, y, rmse]) => element('button', {
       type: 'button',
