@@ -369,7 +369,7 @@ fn shift(error: &PictureError) -> f64 {
 }
 
 /// Black, blue, red, yellow, white from 0 to 1.
-fn heat(value: f32) -> [f32; 3] {
+pub(crate) fn heat(value: f32) -> [f32; 3] {
     const STOPS: [[f32; 3]; 5] =
         [[0.0, 0.0, 0.0], [0.15, 0.1, 0.6], [0.85, 0.15, 0.2], [1.0, 0.85, 0.2], [1.0, 1.0, 1.0]];
     let at = value.clamp(0.0, 1.0) * 4.0;

@@ -20,6 +20,7 @@ mod near;
 mod normals;
 mod notes;
 mod options;
+mod page;
 mod photograph_options;
 mod positions;
 #[cfg(feature = "gpu")]

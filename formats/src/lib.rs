@@ -45,7 +45,7 @@ pub use normal_file::{NormalPicture, read_normal_file, write_normal_file};
 pub use output_file::{OutputFile, write_whole};
 pub use output_folder::ScratchFolder;
 pub use picture::{DecodedPicture, PictureInfo, SampleType, Samples, decode, probe};
-pub use picture_output::{PictureDepth, picture_depths, write_picture};
+pub use picture_output::{PagePicture, PictureDepth, picture_depths, write_picture};
 pub use position_file::{read_position_file, write_position_file};
 pub use scene_file::{SceneFile, linear_picture, read_scene};
 pub use stack::{PictureStack, StackSettings};

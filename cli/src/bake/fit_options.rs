@@ -235,7 +235,8 @@ impl FitOptions {
         self.functions.srbf(self.basis())
     }
 
-    pub(super) fn weighting(&self) -> LightWeights {
+    /// How lights weigh.
+    pub(crate) fn weighting(&self) -> LightWeights {
         match self.weights {
             Weights::Voronoi => LightWeights::Voronoi,
             Weights::Uniform => LightWeights::Uniform,

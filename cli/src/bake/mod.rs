@@ -15,7 +15,7 @@ use crate::holdout::Holdout;
 use crate::near::{NearOptions, surface_bytes};
 use crate::options::{Machine, MachineOptions, check_apart, check_writable};
 use crate::photograph_options::PhotographOptions;
-use crate::{evaluate, interrupt, notes, progress, sweep};
+use crate::{evaluate, interrupt, notes, page, progress, sweep};
 use clap::Args;
 pub(crate) use fit::BakeFit;
 pub(crate) use fit_options::{Color, FitOptions, TargetOptions};
@@ -51,8 +51,9 @@ pub(crate) struct BakeArguments {
     /// Pictures to leave out and judge by: every:N, random:N, random:N:SEED or FILE.lp
     #[arg(long, value_name = "WHICH")]
     holdout: Option<Holdout>,
-    /// Write figures of the fit, each light's errors, what error each stage adds and times as JSON; until that is known,
-    /// coefficients take 4 bytes each in a folder beside the output, and a fifth where there are blocks or JPEG
+    /// Write figures of the fit, each light's errors, what error each stage adds and times as .json, or as a .html page that
+    /// shows and relights the asset, with the .json beside it; until that is known, coefficients take 4 bytes each in a folder
+    /// beside the output, and a fifth where there are blocks or JPEG
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// With --report: write the error of each pixel after each stage as heatmap-STAGE.png; black is 0, white 0.25 and more
@@ -97,7 +98,10 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
     let format = AssetFormat::by_path(&arguments.output).map_err(Failure::of_output)?;
     format.check_writable(&arguments.output).map_err(Failure::of_output)?;
-    if let Some(path) = &arguments.report {
+    let report_files = arguments.report.as_deref().map(page::report_files).transpose()?;
+    let reports: Vec<PathBuf> =
+        report_files.iter().flat_map(|(json, page)| [json].into_iter().chain(page).cloned()).collect();
+    for path in &reports {
         check_writable(path)?;
     }
     if let Some(folder) = &arguments.heatmaps {
@@ -138,12 +142,8 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let others =
         arguments.positions.files().chain(arguments.photographs.files()).chain(arguments.near.files());
     let inputs = input_files(&all, left_out.as_ref(), others);
-    let beside_asset: Vec<PathBuf> = arguments
-        .report
-        .iter()
-        .cloned()
-        .chain(arguments.heatmaps.iter().flat_map(|f| heat_map_files(f)))
-        .collect();
+    let beside_asset: Vec<PathBuf> =
+        reports.iter().cloned().chain(arguments.heatmaps.iter().flat_map(|f| heat_map_files(f))).collect();
     check_apart(std::iter::once(&arguments.output).chain(&beside_asset), inputs.iter().copied())?;
     let space = arguments.fit.space(&all);
     let stored = wanted && !(lamps.is_some() && format.positions.is_empty());
@@ -224,8 +224,13 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         positions: position_facts.as_ref(),
     };
     summary.print(&arguments.output);
-    if let Some(path) = &arguments.report {
-        relight_formats::write_whole(path, summary.json(&arguments.output).as_bytes())?;
+    if let Some((json, page)) = &report_files {
+        let report = summary.json(&arguments.output);
+        relight_formats::write_whole(json, report.as_bytes())?;
+        if let Some(page) = page {
+            let captures = (&fitted, left_out.map(|judges| judges.capture));
+            page::write_bake_page(page, &report, &arguments.output, captures, budget.as_ref(), &machine)?;
+        }
     }
     if let (Some(folder), Some(budget)) = (&arguments.heatmaps, &budget) {
         budget.write_heat_maps(folder)?;

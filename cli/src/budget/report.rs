@@ -57,13 +57,14 @@ impl Budget {
         if let Some(WorstPixel { x, y, rmse }) = self.worst_pixels.first() {
             worst.push(format!("worst pixel {x}, {y}, RMSE {rmse:.4}"));
         }
-        if let Some(gpu) = &self.gpu {
-            worst.push(format!(
-                "GPU against CPU at most {:.2e}, RMS {:.2e} ({})",
-                gpu.max, gpu.rms, gpu.adapter
-            ));
-        }
+        worst.extend(self.gpu_words());
         vec![sum, worst.join("; ")]
+    }
+
+    /// How far the GPU's pictures are from the CPU's, in words.
+    pub(crate) fn gpu_words(&self) -> Option<String> {
+        let gpu = self.gpu.as_ref()?;
+        Some(format!("GPU against CPU at most {:.2e}, RMS {:.2e} ({})", gpu.max, gpu.rms, gpu.adapter))
     }
 
     /// The figures as JSON.

@@ -17,7 +17,7 @@ use crate::holdout::Holdout;
 use crate::options::{MachineOptions, check_apart};
 use crate::photograph_options::PhotographOptions;
 use crate::say::say;
-use crate::{notes, progress};
+use crate::{notes, page, progress};
 use axes::{Axes, GridPoint};
 use bench::Bench;
 pub(crate) use bench::Opened;
@@ -34,7 +34,7 @@ use std::path::{Path, PathBuf};
 pub(crate) struct SweepArguments {
     /// A .lp file, or a folder that holds one
     input: PathBuf,
-    /// The folder for report.json, the figures of each choice and the assets that are kept
+    /// The folder for report.html and report.json, the figures of each choice and the assets that are kept
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
     /// What varies: some of basis,k,precision,block,quality, each alone or with values, such as
@@ -159,7 +159,10 @@ pub(crate) fn run(arguments: &SweepArguments) -> Result<(), Failure> {
         measured: missing.len(),
         skipped: &skipped,
     };
-    relight_formats::write_whole(&folder.join("report.json"), summary.json().as_bytes())?;
+    let report = summary.json();
+    relight_formats::write_whole(&folder.join("report.json"), report.as_bytes())?;
+    let captures = (&fitted, left_out.as_ref());
+    page::write_sweep_page(folder, &report, captures, arguments.fit.weighting(), &machine)?;
     summary.print(folder, arguments.json);
     summary.check()
 }
