@@ -71,6 +71,7 @@ fn signals_end_a_bake_at_any_stage_and_leave_nothing() {
     assert_eq!(names_in(&here.join("out")), ["a.ktx2"]);
     assert_eq!(fs::read(here.join("out/a.ktx2")).unwrap(), b"older");
     // While its versions are held against the pictures, the asset stands already.
+    let line = "bake capture -o out/a.ktx2 --basis ptm -j 1 --memory 120M --report out/a.json";
     let mut child = start(here, line);
     wait_until(&mut child, &|| fs::read(here.join("out/a.ktx2")).unwrap() != b"older");
     assert_eq!(names_in(&here.join("out")).len(), 2);

@@ -67,7 +67,7 @@ impl LightFigures {
     }
 
     fn to_json(&self) -> Value {
-        let Difference { max, mean, psnr, full_range, worst } = self.difference;
+        let Difference { max, mean, psnr, full_range, worst, .. } = self.difference;
         json!({
             "light": self.light.components(),
             "max": finite(max),
