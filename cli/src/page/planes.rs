@@ -66,15 +66,21 @@ pub(super) fn page_planes(maps: &RelightingMaps, page: &Path) -> Result<PagePlan
     }
 }
 
-/// The codes of a plane, high bytes first, their gains, and its bias.
-fn coded(plane: &RelightingMap, size: (usize, usize), factor: usize) -> (Vec<(Vec<u8>, f64)>, f64) {
+/// A plane as runs of bytes with their gains, the high one first.
+#[derive(Debug, PartialEq)]
+struct CodedPlane {
+    parts: Vec<(Vec<u8>, f64)>,
+    bias: f64,
+}
+
+fn coded(plane: &RelightingMap, size: (usize, usize), factor: usize) -> CodedPlane {
     let (scale, bias) = (f64::from(plane.scale), f64::from(plane.bias));
     if let Texels::U8(codes) = &plane.texels {
         let row = |y: usize, out: &mut [f32]| {
             out.iter_mut().zip(&codes[y * size.0..]).for_each(|(value, code)| *value = f32::from(*code));
         };
         let codes = shrunk(size, 1, factor, row).into_iter().map(|code| (code + 0.5) as u8).collect();
-        return (vec![(codes, scale / 255.0)], bias);
+        return CodedPlane { parts: vec![(codes, scale / 255.0)], bias };
     }
     let coefficients = shrunk(size, 1, factor, |y, out| plane.coefficients(y * size.0, out));
     let (least, most) =
@@ -85,13 +91,13 @@ fn coded(plane: &RelightingMap, size: (usize, usize), factor: usize) -> (Vec<(Ve
     let codes: Vec<u16> = coefficients.iter().map(code).collect();
     let step = f64::from(step);
     let bytes = |shift: u32| codes.iter().map(|code| (code >> shift) as u8).collect::<Vec<u8>>();
-    (vec![(bytes(8), 256.0 * step), (bytes(0), step)], f64::from(least))
+    CodedPlane { parts: vec![(bytes(8), 256.0 * step), (bytes(0), step)], bias: f64::from(least) }
 }
 
 fn planes_at(maps: &RelightingMaps, factor: usize, page: &Path) -> Result<PagePlanes, Failure> {
     let whole = (maps.width, maps.height);
     let size = (shrunk_length(maps.width, factor), shrunk_length(maps.height, factor));
-    let all: Vec<(Vec<(Vec<u8>, f64)>, f64)> = maps
+    let all: Vec<CodedPlane> = maps
         .planes
         .par_iter()
         .map(|plane| {
@@ -99,12 +105,12 @@ fn planes_at(maps: &RelightingMaps, factor: usize, page: &Path) -> Result<PagePl
             Ok(coded(plane, whole, factor))
         })
         .collect::<Result<_, Failure>>()?;
-    let bias = all.iter().map(|(_, bias)| *bias).collect();
+    let bias = all.iter().map(|plane| plane.bias).collect();
     // High bytes of all planes before low ones: the three channels of a function are alike and lie in one image.
     let mut runs = Vec::new();
     let mut bytes: Vec<&[u8]> = Vec::new();
     for part in 0..2 {
-        for (plane, (parts, _)) in all.iter().enumerate() {
+        for (plane, CodedPlane { parts, .. }) in all.iter().enumerate() {
             if let Some((codes, gain)) = parts.get(part) {
                 runs.push(ByteRun { plane, gain: *gain });
                 bytes.push(codes);
@@ -131,12 +137,12 @@ mod tests {
     fn codes_stay_as_they_are_and_floats_take_two_bytes() {
         let codes: Vec<u8> = (0..12).map(|i| i * 20).collect();
         let plane = RelightingMap { scale: 3.0, bias: -1.5, texels: Texels::U8(codes.clone()) };
-        let (parts, bias) = coded(&plane, (4, 3), 1);
+        let CodedPlane { parts, bias } = coded(&plane, (4, 3), 1);
         assert_eq!((parts, bias), (vec![(codes, 3.0 / 255.0)], -1.5));
 
         let floats: Vec<f32> = (0..12).map(|i| (i * i) as f32 * 0.37 - 9.0).collect();
         let plane = RelightingMap { scale: 2.0, bias: 0.25, texels: Texels::F32(floats.clone()) };
-        let (parts, bias) = coded(&plane, (4, 3), 1);
+        let CodedPlane { parts, bias } = coded(&plane, (4, 3), 1);
         assert_eq!(parts.len(), 2);
         let range = 2.0 * 0.37 * 121.0;
         for (i, value) in floats.iter().enumerate() {
@@ -151,7 +157,7 @@ mod tests {
     #[test]
     fn a_flat_plane_is_its_bias() {
         let plane = RelightingMap { scale: 1.0, bias: 0.0, texels: Texels::F32(vec![0.7; 6]) };
-        let (parts, bias) = coded(&plane, (3, 2), 2);
+        let CodedPlane { parts, bias } = coded(&plane, (3, 2), 2);
         assert_eq!(bias, f64::from(0.7f32));
         assert!(parts.iter().all(|(bytes, _)| bytes == &[0, 0]));
     }
