@@ -116,9 +116,6 @@ fn web_folders_in_a_page_that_follows_their_description_are_the_rendered_picture
         let verdict: Value = serde_json::from_str(&title).unwrap();
         println!("{options}: {verdict}");
         assert_eq!(verdict["lights"], LIGHTS.len(), "{options}: {verdict}");
-        // Decoders of JPEG differ by a code here and there, and the first planes of spherical harmonics, which
-        // cancel one another, have codes as far apart as three and more of a picture's.
-        let tolerance = if options.starts_with("sh") { TOLERANCE + 2 } else { TOLERANCE };
-        assert!(verdict["worst"].as_u64().unwrap() <= tolerance, "{options}: {verdict}");
+        assert!(verdict["worst"].as_u64().unwrap() <= TOLERANCE, "{options}: {verdict}");
     }
 }

@@ -91,7 +91,7 @@ pub(super) fn encode_planes(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::decode_jpeg;
+    use crate::asset::exact_jpeg::decode_planes;
     use std::path::Path;
 
     #[test]
@@ -105,7 +105,7 @@ mod tests {
                 };
                 let planes = [0, 1, 2].map(plane);
                 let jpeg = encode_planes(&planes, (width, height), 95, false).unwrap();
-                let back = decode_jpeg(&jpeg, (width, height), 3, Path::new("a.jpg"), 1 << 30).unwrap();
+                let back = decode_planes(&jpeg, (width, height), 3, Path::new("a.jpg"), 1 << 30).unwrap();
                 for (i, code) in back.into_iter().enumerate() {
                     let error = code.abs_diff(planes[i % 3][i / 3]);
                     assert!(error <= 4, "{width} x {height}, plane {}, pixel {}: {error}", i % 3, i / 3);
