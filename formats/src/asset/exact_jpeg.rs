@@ -414,27 +414,4 @@ mod tests {
             assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
         }
     }
-
-    #[test]
-    fn make_files() {
-        let write = |name: &str, bytes: &[u8]| std::fs::write(testdata(name), bytes).unwrap();
-        std::fs::create_dir_all(testdata("")).unwrap();
-        write("ycc.jpg", &encode_planes(&planes(SIZE), SIZE, 80, true).unwrap());
-        write("rgb.jpg", &encode_planes(&planes(SIZE), SIZE, 80, false).unwrap());
-        write("scans.jpg", &encoded((61, 19), |e| e.set_optimized_huffman_tables(true)));
-        write("restarts.jpg", &encoded(SIZE, |e| e.set_restart_interval(5)));
-        // No JFIF, components R, G, B.
-        let mut letters = encoded(SIZE, |e| e.set_restart_interval(5));
-        letters.drain(2..20);
-        let frame = letters.windows(2).position(|p| p == [0xff, 0xc0]).unwrap();
-        let scan = letters.windows(2).position(|p| p == [0xff, 0xda]).unwrap();
-        for (i, l) in b"RGB".iter().enumerate() {
-            letters[frame + 10 + 3 * i] = *l;
-            letters[scan + 5 + 2 * i] = *l;
-        }
-        write("letters.jpg", &letters);
-        let mut bytes = Vec::new();
-        Encoder::new(&mut bytes, 85).encode(&planes(SIZE)[1], 45, 27, ColorType::Luma).unwrap();
-        write("grey.jpg", &bytes);
-    }
 }

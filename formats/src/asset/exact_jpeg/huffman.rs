@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn codes_of_all_lengths_are_told_apart() {
         // One code of each length 1..16: n - 1 ones, then a zero; symbols out of order.
-        let symbols: Vec<u8> = (1..=16).map(|length| length * 37 % 101).collect();
+        let symbols: Vec<u8> = (1..=16u16).map(|length| (length * 37 % 101) as u8).collect();
         let table = HuffmanTable::new(&[1; 16], &symbols).unwrap();
         let mut text = String::new();
         let sequence: Vec<usize> = (0..200).map(|i| i * i % 16).collect();

@@ -54,7 +54,7 @@ impl Scan<'_> {
         let height = samples.len() / (width * channels);
         let (across, down) = (width.div_ceil(8), height.div_ceil(8));
         let (mut bits, mut start) = (Bits::new(data), 0);
-        let mut coefficients = [0; 64];
+        let mut coefficients = [[0; 8]; 8];
         for group in 0..across * down {
             if self.restart_interval > 0 && group > 0 && group % self.restart_interval == 0 {
                 start = after_restart(data, start + bits.end()?, group / self.restart_interval - 1)?;
@@ -65,10 +65,10 @@ impl Scan<'_> {
             for component in &mut self.components {
                 let is_flat = read_block(&mut bits, component, &mut coefficients)?;
                 let codes = if is_flat {
-                    [[flat(coefficients[0]); 8]; 8]
+                    [[flat(coefficients[0][0]); 8]; 8]
                 } else {
                     let codes = level.run(InverseDct(&coefficients));
-                    coefficients.fill(0);
+                    coefficients = [[0; 8]; 8];
                     codes
                 };
                 for (y, codes) in (row..height).zip(codes) {
@@ -103,7 +103,7 @@ fn after_restart(data: &[u8], position: usize, number: usize) -> Result<usize, D
 fn read_block(
     bits: &mut Bits<'_>,
     component: &mut ScanComponent<'_>,
-    coefficients: &mut [i32; 64],
+    coefficients: &mut [[i32; 8]; 8],
 ) -> Result<bool, Damage> {
     let size = bits.symbol(component.dc)?;
     if size > LARGEST_DC {
@@ -112,7 +112,7 @@ fn read_block(
     if size > 0 {
         component.last_dc = component.last_dc.wrapping_add(bits.number(u32::from(size)) as i16);
     }
-    coefficients[0] = i32::from(component.last_dc) * i32::from(component.steps[0]);
+    coefficients[0][0] = i32::from(component.last_dc) * i32::from(component.steps[0]);
     let (mut next, mut is_flat) = (1, true);
     while next < 64 {
         let symbol = bits.symbol(component.ac)?;
@@ -126,7 +126,8 @@ fn read_block(
         }
         if size > 0 {
             let value = bits.number(u32::from(size)) * i32::from(component.steps[at]);
-            coefficients[usize::from(ZIGZAG[at])] = value;
+            let place = usize::from(ZIGZAG[at]);
+            coefficients[place / 8][place % 8] = value;
             is_flat = false;
         }
         next = at + 1;
