@@ -5,6 +5,7 @@
 
 mod dds;
 mod document;
+mod exact_jpeg;
 mod exr;
 mod exr_reader;
 mod function_table;

@@ -12,6 +12,8 @@ mod png;
 mod radiance;
 mod tiff;
 
+pub(crate) use jpeg::damaged as damaged_jpeg;
+
 use crate::FormatError;
 use crate::error::check_memory;
 use half::f16;
@@ -238,18 +240,16 @@ pub fn decode_bytes(
     Ok(picture)
 }
 
-/// Decodes a JPEG of `channels` (1 or 3) within another file or beside one, 8 bits a sample, interleaved, rows
-/// from the top.
+/// Checks that `bytes` are a JPEG of this size and `channels` (1 or 3) of a kind that is read, by its header.
 ///
 /// # Errors
-/// As [`decode`]; a picture of another size or kind is refused before it is decoded.
-pub(crate) fn decode_jpeg(
+/// As [`probe`]; `path` is for messages.
+pub(crate) fn check_jpeg(
     bytes: &[u8],
     (width, height): (usize, usize),
     channels: usize,
     path: &Path,
-    memory_limit: u64,
-) -> Result<Vec<u8>, FormatError> {
+) -> Result<(), FormatError> {
     if !(JPEG.is_magic)(bytes) {
         return Err(FormatError::invalid(path, "is no JPEG"));
     }
@@ -261,6 +261,15 @@ pub(crate) fn decode_jpeg(
         );
         return Err(FormatError::invalid(path, problem));
     }
+    Ok(())
+}
+
+/// Decodes a JPEG that [`check_jpeg`] passes, within another file or beside one, 8 bits a sample, interleaved,
+/// rows from the top.
+///
+/// # Errors
+/// As [`decode`].
+pub(crate) fn decode_jpeg(bytes: &[u8], path: &Path, memory_limit: u64) -> Result<Vec<u8>, FormatError> {
     let level = CpuLevel::detect();
     match guarded(&JPEG, path, || (JPEG.decode)(bytes, path, level, memory_limit))?.samples {
         Samples::U8(samples) => Ok(samples),

@@ -4,9 +4,9 @@
 //! What is left is taken modulo 256. JPEG changes it by a little, and where that carries a code beyond 0 or
 //! 255 it comes back at the other end: such pixels are put right by side information of 5 bytes each.
 
+use super::exact_jpeg::decode_planes;
 use super::plane_prediction::{predict, residual, restore};
 use crate::FormatError;
-use crate::picture::decode_jpeg;
 use jpeg_encoder::{ColorType, Encoder};
 use rayon::prelude::*;
 use std::path::Path;
@@ -77,14 +77,14 @@ fn encode(
     let refused = |error: jpeg_encoder::EncodingError| FormatError::invalid(path, error.to_string());
     let Some((number, of_reference, inverted)) = reference else {
         let jpeg = jpeg_of(plane, size, quality).map_err(refused)?;
-        let decoded = decode_jpeg(&jpeg, size, 1, path, u64::MAX)?;
+        let decoded = decode_planes(&jpeg, size, 1, path, u64::MAX)?;
         return Ok((CodedPlane { reference: None, inverted: false, jpeg, side: Vec::new() }, decoded));
     };
     let left: Vec<u8> =
         plane.iter().zip(of_reference).map(|(&code, &r)| residual(code, predict(r, inverted))).collect();
     let jpeg = jpeg_of(&left, size, quality).map_err(refused)?;
     drop(left);
-    let mut decoded = decode_jpeg(&jpeg, size, 1, path, u64::MAX)?;
+    let mut decoded = decode_planes(&jpeg, size, 1, path, u64::MAX)?;
     restore(&mut decoded, of_reference, inverted);
     let mut side = Vec::new();
     for (pixel, (decoded, &code)) in decoded.iter_mut().zip(plane).enumerate() {
@@ -168,7 +168,6 @@ fn jpeg_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use relight_core::CpuLevel;
 
     /// A plane that JPEG keeps well, bows of parabolas, with ends of the range in it.
     fn slopes(size: (usize, usize), seed: usize) -> Vec<u8> {
@@ -186,10 +185,7 @@ mod tests {
 
     /// Inverse of what is stored, written apart: signed arithmetic.
     fn decoded_apart(coded: &CodedPlane, earlier: &[Vec<u8>], size: (usize, usize)) -> Vec<u8> {
-        let picture =
-            crate::picture::decode_bytes(&coded.jpeg, Path::new("p"), CpuLevel::BASELINE, 1 << 30).unwrap();
-        let crate::Samples::U8(mut codes) = picture.samples else { panic!("8 bits") };
-        assert_eq!((picture.info.width, picture.info.height), size);
+        let mut codes = decode_planes(&coded.jpeg, size, 1, Path::new("p"), 1 << 30).unwrap();
         if let Some(reference) = coded.reference {
             for (code, &r) in codes.iter_mut().zip(&earlier[reference]) {
                 let p = if coded.inverted { 255 - i32::from(r) } else { i32::from(r) };

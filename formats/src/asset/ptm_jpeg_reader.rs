@@ -1,10 +1,10 @@
 //! `.ptm` with planes in JPEG: decoding them, and putting together those that were taken off others.
 
+use super::exact_jpeg::decode_planes;
 use super::plane_prediction::restore;
 use super::ptm_header::{JpegPlane, PtmFile, PtmForm, file_role};
 use super::{AssetHeader, plane_bytes};
 use crate::FormatError;
-use crate::picture::decode_jpeg;
 use relight_core::Texels;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
@@ -30,7 +30,7 @@ pub(super) fn read_planes(
         }
         let jpeg = read_bytes(path, &mut ptm.file, plane.bytes)?;
         let codes =
-            decode_jpeg(&jpeg, (*width, *height), 1, path, left - needed).map_err(|e| of_plane(e, i))?;
+            decode_planes(&jpeg, (*width, *height), 1, path, left - needed).map_err(|e| of_plane(e, i))?;
         sides.push(read_bytes(path, &mut ptm.file, plane.side_bytes)?);
         planes.push(codes);
     }

@@ -4,6 +4,7 @@
 //! FORMATS.md of this project. JPEG wants whole planes where coefficients come in runs of any order, so the
 //! codes of all planes are held; [`held_bytes`] says what that takes.
 
+use super::exact_jpeg::decode_planes;
 use super::planar::{UNIT, check_base_colors, codes_of, coefficients, plane_ranges};
 use super::ptm_jpeg::together;
 use super::web_functions::codes_on_square;
@@ -17,7 +18,6 @@ use super::{
 use crate::FormatError;
 use crate::error::check_memory;
 use crate::output_folder::OutputFolder;
-use crate::picture::decode_jpeg;
 use relight_core::{Basis, CoefficientSpan, Layout, Model, Space};
 use relight_texture::{PackReport, PlaneErrors, Quantizer, StoringErrors};
 use std::path::Path;
@@ -219,7 +219,7 @@ impl AssetWriter for WebWriter {
                 let jpeg = encode_planes(of_file, size, quality, in_common)
                     .map_err(|error| FormatError::invalid(folder.path(), error.to_string()))?;
                 folder.write(&file_name(file), &jpeg)?;
-                decode_jpeg(&jpeg, size, OF_A_FILE, folder.path(), u64::MAX)?
+                decode_planes(&jpeg, size, OF_A_FILE, folder.path(), u64::MAX)?
             };
             for (i, plane) in of_file.iter_mut().enumerate() {
                 let decoded = decoded[i..].iter().step_by(OF_A_FILE);

@@ -6,9 +6,9 @@ use jpeg_encoder::{
     Encoder, EncodingError, ImageBuffer, JpegColorType, QuantizationTableType, SamplingFactor, rgb_to_ycbcr,
 };
 
-/// Bytes a pixel that making a file takes: the encoder's 16-bit coefficients, the file, and what the decoder
-/// makes of it: samples and coefficients.
-pub(super) const WORKING_BYTES: u64 = (2 + 1 + 1 + 2) * OF_A_FILE as u64;
+/// Bytes a pixel that making a file takes: the encoder's 16-bit coefficients, the file, and the samples that the
+/// decoder makes of it.
+pub(super) const WORKING_BYTES: u64 = (2 + 1 + 1) * OF_A_FILE as u64;
 
 /// Adobe's segment: version 100, no flags, no transform: components are R, G, B.
 /// Source: Adobe Technical Note 5116.
@@ -17,11 +17,6 @@ const NO_TRANSFORM: &[u8; 12] = b"Adobe\0\x64\0\0\0\0\0";
 /// Where the JFIF segment lies, which the encoder always writes, and whose presence says YCbCr to decoders
 /// whatever Adobe's says.
 const JFIF: std::ops::Range<usize> = 2..20;
-
-/// Pictures up to this width are written as one scan with the usual Huffman tables: tables of a file's own come
-/// with a scan a component, of which the decoder (zune-jpeg 0.5) drops the last row of blocks where its bits are
-/// 64 at most, 2 a block where a plane is constant.
-const NARROW: usize = 64 / 2 * 8;
 
 struct Planes<'a> {
     planes: &'a [Vec<u8>],
@@ -75,7 +70,7 @@ pub(super) fn encode_planes(
 ) -> Result<Vec<u8>, EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = Encoder::new(&mut bytes, quality);
-    encoder.set_optimized_huffman_tables(width > NARROW);
+    encoder.set_optimized_huffman_tables(true);
     encoder.set_sampling_factor(SamplingFactor::F_1_1);
     encoder.set_quantization_tables(QuantizationTableType::Flat, QuantizationTableType::Flat);
     if !in_common {
@@ -91,9 +86,10 @@ pub(super) fn encode_planes(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::decode_jpeg;
+    use crate::asset::exact_jpeg::decode_planes;
     use std::path::Path;
 
+    /// Tables of a file's own come with a scan a component, whose last row of blocks may take a few bits only.
     #[test]
     fn constant_planes_come_back_at_every_width() {
         for (width, height) in [(1, 1), (40, 24), (250, 17), (256, 40), (257, 40), (300, 33)] {
@@ -105,7 +101,7 @@ mod tests {
                 };
                 let planes = [0, 1, 2].map(plane);
                 let jpeg = encode_planes(&planes, (width, height), 95, false).unwrap();
-                let back = decode_jpeg(&jpeg, (width, height), 3, Path::new("a.jpg"), 1 << 30).unwrap();
+                let back = decode_planes(&jpeg, (width, height), 3, Path::new("a.jpg"), 1 << 30).unwrap();
                 for (i, code) in back.into_iter().enumerate() {
                     let error = code.abs_diff(planes[i % 3][i / 3]);
                     assert!(error <= 4, "{width} x {height}, plane {}, pixel {}: {error}", i % 3, i / 3);

@@ -5,12 +5,12 @@
 //!
 //! Source: Microsoft, *Deep Zoom File Format Overview*; the OpenSeadragon wiki, *The DZI File Format*.
 
+use super::exact_jpeg::decode_planes;
 use super::open_measured;
 use super::web::OF_A_FILE;
 use super::web_jpeg::encode_planes;
 use crate::FormatError;
 use crate::output_folder::OutputFolder;
-use crate::picture::decode_jpeg;
 use rayon::prelude::*;
 use relight_texture::full_levels;
 use std::io::Read;
@@ -160,7 +160,7 @@ pub(super) fn write(
             let name = tiles.join(level.to_string()).join(format!("{column}_{row}.jpg"));
             if level == tiling.finest() {
                 let samples =
-                    decode_jpeg(&jpeg, (area.width, area.height), OF_A_FILE, folder.path(), u64::MAX)?;
+                    decode_planes(&jpeg, (area.width, area.height), OF_A_FILE, folder.path(), u64::MAX)?;
                 place(&samples, area, width, &mut seen);
             }
             folder.write_below(&name, &jpeg)?;
@@ -214,7 +214,7 @@ pub(super) fn read_planes(
     }
     let mut jpeg = Vec::with_capacity(bytes as usize);
     (&mut file).take(bytes).read_to_end(&mut jpeg).map_err(|e| FormatError::io(path, "read", e))?;
-    decode_jpeg(&jpeg, size, OF_A_FILE, path, left - bytes)
+    decode_planes(&jpeg, size, OF_A_FILE, path, left - bytes)
 }
 
 /// Bytes of all tiles that `dzi` describes, and of itself.

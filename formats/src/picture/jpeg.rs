@@ -68,7 +68,8 @@ pub(super) fn decode(
     Ok(DecodedPicture { info, samples: Samples::U8(samples) })
 }
 
-fn damaged(path: &Path, cause: impl std::fmt::Display) -> FormatError {
+/// What is said of bytes that are no whole JPEG.
+pub(crate) fn damaged(path: &Path, cause: impl std::fmt::Display) -> FormatError {
     let cause = cause.to_string();
     let problem = format!("truncated or damaged JPEG: {}; copy it again", cause.trim());
     FormatError::invalid(path, problem)
