@@ -43,6 +43,7 @@ function sweepFacts() {
     ['its texels', shown ? `${inBytes(shown.texel_bytes)}, ${fixed(shown.gpu_bytes_per_pixel, 2)} bytes a pixel; ${inBytes(shown.file_bytes)} on disk` : null],
     ['its errors', shown ? `PSNR ${fixed(shown.psnr, 2)} dB, RMSE ${fixed(shown.rmse, 4)}; of the fit ${fixed(shown.fit_rmse, 4)}, of storing ${fixed(shown.storing_rmse, 4)}` : null],
     ['cost', `${fixed(report.seconds, 1)} s for ${report.measured} choices measured in this run; ${fixed(report.seconds_alone, 1)} s one by one`],
+    ['GPU', report.choices.find((choice) => choice.gpu)?.gpu.adapter],
   ];
 }
 
@@ -94,8 +95,9 @@ function showCosts() {
     number('ns/px', 'directional_ns', 1),
     number('point ns', 'point_ns', 1, { class: 'wide' }),
   ];
-  if (report.choices.some((row) => isNumber(row.gpu_ns))) {
-    columns.push(number('GPU ns', 'gpu_ns', 3, { class: 'wide' }));
+  if (report.choices.some((row) => row.gpu)) {
+    const ns = (row) => row.gpu?.ns;
+    columns.push({ title: 'GPU ns', key: ns, text: (row) => (row.gpu ? fixed(ns(row), 1) : '–'), class: 'wide' });
   }
   columns.push({ title: 'fronts', text: (row) => fronts(row).join(', ') || '–', key: (row) => -fronts(row).length, class: 'words' });
   const { node, lines } = table(columns, report.choices);
