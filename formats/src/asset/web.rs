@@ -208,7 +208,7 @@ impl AssetWriter for WebWriter {
         let AssetHeader { width, height, model, .. } = &header;
         // Planes that serve all channels have little in common; those of R, G and B have much. But spherical
         // harmonics, seen on half the sphere, have coefficients of several times white that cancel one another:
-        // there the conversion's rounding, which differs from decoder to decoder, would show.
+        // there the conversion's rounding would show.
         let in_common = model.layout != Layout::Shared && !matches!(model.basis, Basis::Sh(_));
         let mut of_planes = vec![PlaneErrors::default(); planes.len()];
         for (file, of_file) in planes.chunks_exact_mut(OF_A_FILE).enumerate() {
