@@ -335,6 +335,21 @@ mod tests {
     }
 
     #[test]
+    fn colours_are_those_of_jfif_rounded() {
+        let mut largest = 0.0f64;
+        for (cb, cr) in (0..=255u8).flat_map(|cb| (0..=255u8).map(move |cr| (cb, cr))) {
+            let mut pixel = [120, cb, cr];
+            rgb_from_ycc(&mut pixel);
+            let (b, r) = (f64::from(cb) - 128.0, f64::from(cr) - 128.0);
+            let exact = [1.402 * r, -0.344_14 * b - 0.714_14 * r, 1.772 * b];
+            for (found, exact) in pixel.into_iter().zip(exact) {
+                largest = largest.max((f64::from(found) - (120.0 + exact).clamp(0.0, 255.0)).abs());
+            }
+        }
+        assert!((0.49..0.505).contains(&largest), "off by {largest}");
+    }
+
+    #[test]
     fn other_kinds_are_read_by_the_decoder_of_pictures() {
         let subsampled = encoded(SIZE, |encoder| encoder.set_sampling_factor(SamplingFactor::F_2_2));
         let progressive = encoded(SIZE, |encoder| encoder.set_progressive(true));
