@@ -178,11 +178,13 @@ fn lights(arguments: &VerifyArguments, packed: &PackedMaps) -> Result<Vec<Direct
         return Ok(file.entries.iter().map(|entry| entry.direction).collect());
     }
     let (fitted, count) = (&packed.model.lights, usize::from(arguments.count));
-    Ok(match fitted.len() {
-        0 => fibonacci_in(CAP, count),
-        all if all <= count => fitted.clone(),
-        all => (0..count).map(|i| fitted[i * all / count]).collect(),
-    })
+    Ok(if fitted.is_empty() { fibonacci_in(CAP, count) } else { evenly(fitted, count) })
+}
+
+/// So many of `lights`, evenly chosen in their order; all where there are no more.
+pub(crate) fn evenly(lights: &[Direction], count: usize) -> Vec<Direction> {
+    let count = count.min(lights.len());
+    (0..count).map(|i| lights[i * lights.len() / count]).collect()
 }
 
 /// How far pictures of `maps` on the GPU are from those of `reference` under each of `lights`.

@@ -6,6 +6,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail the test")]
 
+mod chromium;
+
+use chromium::skip;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::Command;
@@ -27,7 +30,7 @@ fn relight(arguments: &[&str], folder: &Path) {
 
 /// The title of `page.html` once its scripts have run, or why there is none.
 fn title_in_chromium(folder: &Path) -> Result<String, String> {
-    let name = std::env::var_os("CHROMIUM").unwrap_or_else(|| "chromium".into());
+    let name = chromium::program();
     let output = Command::new(&name)
         .args(["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"])
         .args(["--allow-file-access-from-files", "--virtual-time-budget=60000", "--dump-dom"])
@@ -38,11 +41,6 @@ fn title_in_chromium(folder: &Path) -> Result<String, String> {
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let title = text.split_once("<title>").and_then(|(_, rest)| rest.split_once("</title>"));
     title.map(|(title, _)| title.to_owned()).ok_or_else(|| format!("the page has no title: {text}"))
-}
-
-fn skip(reason: &str) {
-    assert!(std::env::var_os("RELIGHT_REQUIRE_CHROMIUM").is_none_or(|v| v != "1"), "{reason}");
-    println!("skipped: {reason}");
 }
 
 /// Renders `asset` at all lights, and lists them in `lights.json`.

@@ -226,7 +226,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     summary.print(&arguments.output);
     if let Some((json, page)) = &report_files {
         let report = summary.json(&arguments.output);
-        relight_formats::write_whole(json, report.as_bytes())?;
+        relight_formats::write_whole(json, format!("{report:#}\n").as_bytes())?;
         if let Some(page) = page {
             let captures = (&fitted, left_out.map(|judges| judges.capture));
             page::write_bake_page(page, &report, &arguments.output, captures, budget.as_ref(), &machine)?;

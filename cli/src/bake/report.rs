@@ -120,8 +120,8 @@ impl Summary<'_> {
         })
     }
 
-    /// The report as JSON text.
-    pub(super) fn json(&self, output: &Path) -> String {
+    /// The report as JSON.
+    pub(super) fn json(&self, output: &Path) -> Value {
         let fit = &self.fit.solved;
         let (figures, errors) = (fit.figures(), fit.leave_one_out());
         let weight = |light: usize| match fit {
@@ -191,7 +191,7 @@ impl Summary<'_> {
         if let (Some(report), Value::Object(solution)) = (report.as_object_mut(), solution) {
             report.extend(solution);
         }
-        format!("{report:#}\n")
+        report
     }
 }
 

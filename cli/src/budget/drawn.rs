@@ -21,11 +21,7 @@ pub(super) fn difference(
     lights: &[Direction],
     machine: &Machine,
 ) -> Result<Result<GpuDifference, String>, Failure> {
-    let some: Vec<Direction> = match lights.len() {
-        all if all <= LIGHTS => lights.to_vec(),
-        all => (0..LIGHTS).map(|i| lights[i * all / LIGHTS]).collect(),
-    };
-    let found = draw(asset, maps, &some, machine);
+    let found = draw(asset, maps, &crate::verify::evenly(lights, LIGHTS), machine);
     crate::interrupt::check()?;
     Ok(found.map_err(|failure| failure.words().to_owned()))
 }

@@ -12,7 +12,7 @@ mod shrink;
 mod ticks;
 
 use crate::budget::Budget;
-use crate::failure::{Exit, Failure};
+use crate::failure::Failure;
 use crate::options::Machine;
 use error_budget::budget_json;
 use pictures::{Likeness, page_pictures};
@@ -86,16 +86,15 @@ pub(crate) fn report_files(path: &Path) -> Result<(PathBuf, Option<PathBuf>), Fa
     }
 }
 
-/// Writes the page of a bake to `path`; `report` is the text of the JSON beside it.
+/// Writes the page of a bake to `path`; `report` is the JSON beside it.
 pub(crate) fn write_bake_page(
     path: &Path,
-    report: &str,
+    report: &Value,
     asset: &Path,
     (fitted, judges): (&OpenCapture, Option<&OpenCapture>),
     budget: Option<&Budget>,
     machine: &Machine,
 ) -> Result<(), Failure> {
-    let report = parsed(report)?;
     let maps = read_asset(asset, machine.memory)?;
     let lights = report["lights"].as_array().map(Vec::as_slice).unwrap_or_default();
     let details = Details {
@@ -106,20 +105,19 @@ pub(crate) fn write_bake_page(
         leverage: lights.iter().map(|light| light["leverage"].as_f64()).collect(),
         condition: report["condition"].as_f64(),
     };
-    Page { path, report: &report, machine, budget, details: Some(details) }.write()
+    Page { path, report, machine, budget, details: Some(details) }.write()
 }
 
-/// Writes `report.html` of a sweep into its `folder`; `report` is the text of report.json there.
+/// Writes `report.html` of a sweep into its `folder`; `report` is report.json there.
 pub(crate) fn write_sweep_page(
     folder: &Path,
-    report: &str,
+    report: &Value,
     (fitted, judges): (&OpenCapture, Option<&OpenCapture>),
     weighting: LightWeights,
     machine: &Machine,
 ) -> Result<(), Failure> {
-    let report = parsed(report)?;
     let path = folder.join("report.html");
-    let name = shown_choice(&report).and_then(|choice| choice["name"].as_str()).unwrap_or_default();
+    let name = shown_choice(report).and_then(|choice| choice["name"].as_str()).unwrap_or_default();
     let asset = folder.join("assets").join(format!("{name}.ktx2"));
     let maps = match asset.is_file() {
         true => Some(read_asset(&asset, machine.memory)?),
@@ -132,12 +130,7 @@ pub(crate) fn write_sweep_page(
         }
         None => None,
     };
-    Page { path: &path, report: &report, machine, budget: None, details }.write()
-}
-
-fn parsed(report: &str) -> Result<Value, Failure> {
-    serde_json::from_str(report)
-        .map_err(|error| Failure::new(Exit::Bug, format!("a report is no JSON: {error}")))
+    Page { path: &path, report, machine, budget: None, details }.write()
 }
 
 /// The choice that a sweep's page shows in full: the one that the targets take, or else the best of the front of bytes.

@@ -1,6 +1,6 @@
 //! Photographs beside which the page lays what was baked.
 
-use super::shrink::shrunk;
+use super::shrink::{shrunk, shrunk_length};
 use crate::failure::Failure;
 use crate::options::Machine;
 use crate::{interrupt, progress};
@@ -90,7 +90,7 @@ fn jpeg_of(picture: Picture, linear: bool, likeness: Likeness<'_>) -> Result<Str
     let small = shrunk((width, height), channels, factor, |y, row| {
         row.copy_from_slice(&samples[y * row.len()..][..row.len()]);
     });
-    let size = (width.div_ceil(factor), height.div_ceil(factor));
+    let size = (shrunk_length(width, factor), shrunk_length(height, factor));
     let small = Picture { width: size.0, height: size.1, channels, samples: small }.encoded_from(space);
     let codes: Vec<u8> =
         small.samples.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();

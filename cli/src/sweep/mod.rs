@@ -160,7 +160,7 @@ pub(crate) fn run(arguments: &SweepArguments) -> Result<(), Failure> {
         skipped: &skipped,
     };
     let report = summary.json();
-    relight_formats::write_whole(&folder.join("report.json"), report.as_bytes())?;
+    relight_formats::write_whole(&folder.join("report.json"), format!("{report:#}\n").as_bytes())?;
     let captures = (&fitted, left_out.as_ref());
     page::write_sweep_page(folder, &report, captures, arguments.fit.weighting(), &machine)?;
     summary.print(folder, arguments.json);

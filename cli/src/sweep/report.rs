@@ -104,8 +104,8 @@ impl Summary<'_> {
         (self.stages.0.iter().map(|(_, seconds)| seconds).sum(), alone)
     }
 
-    /// The report as JSON text; docs/schema/sweep.schema.json says what it has.
-    pub(crate) fn json(&self) -> String {
+    /// The report as JSON; docs/schema/sweep.schema.json says what it has.
+    pub(crate) fn json(&self) -> Value {
         let pixels = (self.size.0 * self.size.1) as f64;
         let choice = |(index, outcome): (usize, &Outcome)| {
             let mut choice = serde_json::to_value(outcome).unwrap_or_default();
@@ -131,7 +131,7 @@ impl Summary<'_> {
             .into_iter()
             .map(|(name, seconds)| json!({ "stage": name, "seconds": seconds }))
             .collect();
-        let report = json!({
+        json!({
             "relight": env!("CARGO_PKG_VERSION"),
             "kind": "sweep",
             "input": self.input.to_string_lossy(),
@@ -148,8 +148,7 @@ impl Summary<'_> {
             "seconds": own,
             "seconds_alone": alone,
             "stages": stages,
-        });
-        format!("{report:#}\n")
+        })
     }
 
     /// Prints a table, or only where the report is where lines of JSON went before.

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a helper fails as its test does")]
 
+use crate::chromium;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -26,7 +27,7 @@ pub(crate) struct Browser {
 impl Browser {
     /// Starts Chromium (or what `CHROMIUM` names) with its profile in `folder`; says why where it can't.
     pub(crate) fn start(folder: &Path) -> Result<Self, String> {
-        let name = std::env::var_os("CHROMIUM").unwrap_or_else(|| "chromium".into());
+        let name = chromium::program();
         Command::new(&name)
             .arg("--version")
             .output()

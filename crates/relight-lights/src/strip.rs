@@ -2,7 +2,7 @@
 //! follows only so many of them at a time, each after a while.
 
 use crate::rows::Channel;
-use crate::uniform::coefficients;
+use crate::uniform::{Decode, Decoding, coefficients};
 use relight_core::{CpuLevel, RelightingMap, Texels, Vectorized};
 
 /// Pixels taken out of every plane at a time; of narrower pictures as many whole rows.
@@ -30,20 +30,13 @@ enum Held {
     Codes { codes: Vec<u8>, decoding: Vec<Decoding> },
 }
 
-/// Coefficient = step x code + bias.
-#[derive(Clone, Copy)]
-struct Decoding {
-    step: f32,
-    bias: f32,
-}
-
 impl<'a> Strip<'a> {
     /// For sums of so many terms, of all channels together.
     pub(crate) fn new(planes: &'a [&'a RelightingMap], terms: usize) -> Self {
         let decoding: Option<Vec<Decoding>> = planes
             .iter()
             .map(|plane| match plane.texels {
-                Texels::U8(_) => Some(Decoding { step: plane.scale / 255.0, bias: plane.bias }),
+                Texels::U8(_) => Some(Decoding::of(plane)),
                 Texels::F16(_) | Texels::F32(_) => None,
             })
             .collect();
@@ -104,7 +97,12 @@ trait Coefficients {
     fn take(&self, plane: usize, first: usize, out: &mut [f32]);
 
     /// [`LANES`] of them.
-    fn lanes(&self, plane: usize, first: usize) -> [f32; LANES];
+    #[inline(always)]
+    fn lanes(&self, plane: usize, first: usize) -> [f32; LANES] {
+        let mut out = [0.0; LANES];
+        self.take(plane, first, &mut out);
+        out
+    }
 }
 
 struct Values<'a>(&'a [f32]);
@@ -113,13 +111,6 @@ impl Coefficients for Values<'_> {
     #[inline(always)]
     fn take(&self, plane: usize, first: usize, out: &mut [f32]) {
         out.copy_from_slice(&self.0[plane * STRIP + first..][..out.len()]);
-    }
-
-    #[inline(always)]
-    fn lanes(&self, plane: usize, first: usize) -> [f32; LANES] {
-        let mut out = [0.0; LANES];
-        out.copy_from_slice(&self.0[plane * STRIP + first..][..LANES]);
-        out
     }
 }
 
@@ -131,18 +122,8 @@ struct Codes<'a> {
 impl Coefficients for Codes<'_> {
     #[inline(always)]
     fn take(&self, plane: usize, first: usize, out: &mut [f32]) {
-        let Decoding { step, bias } = self.decoding[plane];
         let codes = &self.codes[plane * STRIP + first..][..out.len()];
-        for (out, code) in out.iter_mut().zip(codes) {
-            *out = step * f32::from(*code) + bias;
-        }
-    }
-
-    #[inline(always)]
-    fn lanes(&self, plane: usize, first: usize) -> [f32; LANES] {
-        let mut out = [0.0; LANES];
-        self.take(plane, first, &mut out);
-        out
+        Decode { codes, decoding: self.decoding[plane], out }.run();
     }
 }
 

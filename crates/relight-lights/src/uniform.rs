@@ -52,17 +52,31 @@ pub(crate) fn coefficients(level: CpuLevel, plane: &RelightingMap, first: usize,
     match &plane.texels {
         Texels::U8(codes) => {
             let codes = &codes[first..first + out.len()];
-            level.run(Decode { codes, step: plane.scale / 255.0, bias: plane.bias, out });
+            level.run(Decode { codes, decoding: Decoding::of(plane), out });
         }
         Texels::F16(_) | Texels::F32(_) => plane.coefficients(first, out),
     }
 }
 
-struct Decode<'a> {
-    codes: &'a [u8],
+/// Coefficient = step x code + bias.
+#[derive(Clone, Copy)]
+pub(crate) struct Decoding {
     step: f32,
     bias: f32,
-    out: &'a mut [f32],
+}
+
+impl Decoding {
+    /// Of a plane of 8-bit codes.
+    pub(crate) fn of(plane: &RelightingMap) -> Self {
+        Self { step: plane.scale / 255.0, bias: plane.bias }
+    }
+}
+
+/// Codes to as many coefficients.
+pub(crate) struct Decode<'a> {
+    pub(crate) codes: &'a [u8],
+    pub(crate) decoding: Decoding,
+    pub(crate) out: &'a mut [f32],
 }
 
 impl Vectorized for Decode<'_> {
@@ -70,8 +84,9 @@ impl Vectorized for Decode<'_> {
 
     #[inline(always)]
     fn run(self) {
+        let Decoding { step, bias } = self.decoding;
         for (out, code) in self.out.iter_mut().zip(self.codes) {
-            *out = self.step * f32::from(*code) + self.bias;
+            *out = step * f32::from(*code) + bias;
         }
     }
 }
