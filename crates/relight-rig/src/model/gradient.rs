@@ -1,0 +1,14 @@
+//! Lighting that changes evenly: a value and three slopes.
+//!
+//! Source: *Irradiance Rigs*, section 2.1, after Annen et al., *Spherical Harmonic Gradients for Mid-Range Illumination*.
+
+use super::AxisFunction::{Coordinate, One};
+use super::{AxisFunction, ModelFamily};
+
+pub(super) const FAMILY: ModelFamily = ModelFamily { name: "gradient", form: "gradient", parse };
+
+fn parse(rest: &str) -> Option<Vec<[AxisFunction; 3]>> {
+    let products =
+        vec![[One, One, One], [Coordinate, One, One], [One, Coordinate, One], [One, One, Coordinate]];
+    rest.is_empty().then_some(products)
+}
