@@ -18,6 +18,8 @@ use error_budget::budget_json;
 use pictures::{Likeness, page_pictures};
 use planes::page_planes;
 use plot::{Cost, Point, plot};
+pub(crate) use escape::html;
+pub(crate) use ticks::Axis;
 use relight_core::sphere::largest_hole;
 use relight_core::{PlaneRole, RelightingMaps};
 use relight_fit::{Decomposition, LightWeights};
