@@ -8,7 +8,9 @@ use crate::options::{MachineOptions, check_apart, check_writable};
 use crate::say::say;
 use clap::{Args, ValueEnum};
 use relight_formats::{RigFile, write_rig, write_whole};
-use relight_rig::{Choice, Envelope, Fitting, Ground, LightFamily, MOST_PARAMETERS, Model, Rig, RigPart, SAMPLES, cheapest};
+use relight_rig::{
+    Choice, Envelope, Fitting, Ground, LightFamily, MOST_PARAMETERS, Model, Rig, RigPart, SAMPLES, cheapest,
+};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -63,7 +65,9 @@ enum FitChoice {
 
 pub(super) fn samples_of(text: &str) -> Result<usize, String> {
     let within = text.parse().ok().filter(|samples| SAMPLES.contains(samples));
-    within.ok_or_else(|| format!("'{text}' is not a number of samples within {}..{}", SAMPLES.start(), SAMPLES.end()))
+    within.ok_or_else(|| {
+        format!("'{text}' is not a number of samples within {}..{}", SAMPLES.start(), SAMPLES.end())
+    })
 }
 
 /// A finite number above 0.
@@ -74,7 +78,11 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 
 fn beyond_one(text: &str) -> Result<f64, String> {
     let number = positive(text)?;
-    if number > 1.0 { Ok(number) } else { Err(format!("'{text}' is within the mesh's sphere; give more than 1 radius")) }
+    if number > 1.0 {
+        Ok(number)
+    } else {
+        Err(format!("'{text}' is within the mesh's sphere; give more than 1 radius"))
+    }
 }
 
 /// Runs the subcommand.
@@ -101,7 +109,12 @@ pub(super) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         interrupt::check()?;
         let part = ground.part(&chosen.last().model, arguments.fitting(), bands);
         if chosen.last().error_grey > arguments.target_error && model.is_none() {
-            misses.push(format!("{} reaches {} grey levels with {}", label(name), digits(chosen.last().error_grey), chosen.last().model.text()));
+            misses.push(format!(
+                "{} reaches {} grey levels with {}",
+                label(name),
+                digits(chosen.last().error_grey),
+                chosen.last().model.text()
+            ));
         }
         let seconds = start.elapsed().as_secs_f64();
         print(&part, &chosen, seconds);
@@ -177,7 +190,9 @@ fn print(part: &RigPart, chosen: &Chosen, seconds: f64) {
         digits(*error_grey),
         seconds
     );
-    say!("  distance / radius   rig error   with truncation   (reflected light, per radiance x (light's radius / mesh's radius)^2)");
+    say!(
+        "  distance / radius   rig error   with truncation   (reflected light, per radiance x (light's radius / mesh's radius)^2)"
+    );
     for (i, distance) in part.errors.distances.iter().enumerate() {
         say!("  {distance:>17}   {:>9}   {:>15}", digits(part.errors.rig[i]), digits(part.errors.total[i]));
     }
@@ -185,11 +200,14 @@ fn print(part: &RigPart, chosen: &Chosen, seconds: f64) {
 
 fn record(part: &RigPart, chosen: &Chosen, bands: usize, seconds: f64) -> Value {
     let tried: Vec<_> = chosen.0.iter().map(choice_record).collect();
-    let transitions: Vec<_> = Envelope::new(&part.errors).into_iter().flat_map(|envelope| {
-        [0.25, 1.0, 4.0, 16.0, 64.0].map(|strength: f64| {
+    let transitions: Vec<_> = Envelope::new(&part.errors)
+        .into_iter()
+        .flat_map(|envelope| {
+            [0.25, 1.0, 4.0, 16.0, 64.0].map(|strength: f64| {
             json!({ "strength": strength, "distance_at_1_grey": envelope.distance(strength, 1.0 / 255.0) })
         })
-    }).collect();
+        })
+        .collect();
     json!({
         "name": part.name,
         "model": part.model.text(),

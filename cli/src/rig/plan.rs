@@ -114,14 +114,20 @@ fn check_table(path: &Path) -> Result<(), Failure> {
     if depth.is_linear() {
         return Ok(());
     }
-    Err(Failure::usage(format!("{}: the table has values above 1; give a name that ends in .exr", path.display())))
+    Err(Failure::usage(format!(
+        "{}: the table has values above 1; give a name that ends in .exr",
+        path.display()
+    )))
 }
 
 /// Whether a sphere light is evaluated at any point of any picture.
 fn has_analytic_spheres(plan: &Plan, moments: &Moments) -> bool {
     plan.pictures.iter().zip(&moments.list).any(|(picture, moment)| {
         picture.parts.iter().any(|part| {
-            let spheres = part.iter().zip(&moment.lights).filter(|(_, light)| matches!(light.source, Source::Sphere { .. }));
+            let spheres = part
+                .iter()
+                .zip(&moment.lights)
+                .filter(|(_, light)| matches!(light.source, Source::Sphere { .. }));
             spheres.into_iter().any(|(plan, _)| plan.analytic > 0.0)
         })
     })
@@ -159,7 +165,10 @@ fn print(plan: &Plan, moments: &Moments, file: &RigFile, tolerance: f64, seconds
         for (part, plans) in file.rig.parts.iter().zip(&picture.parts) {
             let [analytic, transition, rig, dropped] = counts(plans);
             let time = moment.time;
-            say!("  {time:<7.3} {:<16} {analytic:>8}  {transition:>10} {rig:>5}  {dropped:>7}", label(&part.name));
+            say!(
+                "  {time:<7.3} {:<16} {analytic:>8}  {transition:>10} {rig:>5}  {dropped:>7}",
+                label(&part.name)
+            );
         }
     }
     if let ([picture], [moment]) = (&plan.pictures[..], &moments.list[..]) {
@@ -176,7 +185,12 @@ fn print(plan: &Plan, moments: &Moments, file: &RigFile, tolerance: f64, seconds
 fn words(plan: &LightPlan) -> String {
     let way = Way::of(plan).name();
     let place = match plan.distance.is_finite() {
-        true => format!(" at {} radii (near {}, far {})", digits(plan.distance), digits(plan.near), digits(plan.far)),
+        true => format!(
+            " at {} radii (near {}, far {})",
+            digits(plan.distance),
+            digits(plan.near),
+            digits(plan.far)
+        ),
         false => " from afar".to_owned(),
     };
     match Way::of(plan) {

@@ -13,7 +13,9 @@ use clap::{Args, ValueEnum};
 use relight_core::relighter::Picture;
 use relight_core::vectors::{difference, length, scaled, unit};
 use relight_core::{Camera, Projection, Space, srgb_from_linear};
-use relight_formats::{PictureDepth, RigFile, create_folder, picture_depths, read_camera_file, read_rig, write_picture};
+use relight_formats::{
+    PictureDepth, RigFile, create_folder, picture_depths, read_camera_file, read_rig, write_picture,
+};
 use relight_rig::{Pixels, PlacedPart, Plan, Reflected, plan, planned};
 use relight_surface::{Fragment, Mesh, rasterize};
 use std::path::{Path, PathBuf};
@@ -187,14 +189,20 @@ impl RenderArguments {
         if let Some(path) = &self.camera {
             return Ok(read_camera_file(path)?);
         }
-        let middles = file.rig.parts.iter().zip(&first.placements).map(|(part, placement)| {
-            (placement.point(part.frame.centre), part.frame.radius)
-        });
+        let middles = file
+            .rig
+            .parts
+            .iter()
+            .zip(&first.placements)
+            .map(|(part, placement)| (placement.point(part.frame.centre), part.frame.radius));
         let middles: Vec<_> = middles.collect();
-        let centre = [0, 1, 2].map(|i| middles.iter().map(|(middle, _)| middle[i]).sum::<f64>() / middles.len() as f64);
+        let centre = [0, 1, 2]
+            .map(|i| middles.iter().map(|(middle, _)| middle[i]).sum::<f64>() / middles.len() as f64);
         let reach = middles.iter().map(|&(middle, radius)| length(difference(middle, centre)) + radius);
         let radius = reach.fold(0.0, f64::max);
-        let from = unit(self.from).ok_or_else(|| Failure::usage("--from 0,0,0 is no direction; give where the mesh is seen from"))?;
+        let from = unit(self.from).ok_or_else(|| {
+            Failure::usage("--from 0,0,0 is no direction; give where the mesh is seen from")
+        })?;
         let (width, height) = self.size;
         /// Angle of the view, radians.
         const FOV: f64 = 0.6;
@@ -234,8 +242,11 @@ impl<'a> Drawing<'a> {
 
     fn seen(&self) -> Result<Seen, Failure> {
         let samples = usize::from(self.arguments.samples);
-        let camera =
-            Camera { width: self.camera.width * samples, height: self.camera.height * samples, ..self.camera };
+        let camera = Camera {
+            width: self.camera.width * samples,
+            height: self.camera.height * samples,
+            ..self.camera
+        };
         let mut scene = Mesh::default();
         let mut owners = Vec::new();
         for (part, (_, mesh)) in self.meshes.parts.iter().enumerate() {
@@ -258,8 +269,9 @@ impl<'a> Drawing<'a> {
         if scene.triangles.is_empty() {
             return Ok(seen);
         }
-        let fragments = rasterize(&scene, &Camera { eye: [0.0; 3], ..camera })
-            .map_err(|error| Failure::new(Exit::BadInput, format!("{}: {error}", self.arguments.mesh.display())))?;
+        let fragments = rasterize(&scene, &Camera { eye: [0.0; 3], ..camera }).map_err(|error| {
+            Failure::new(Exit::BadInput, format!("{}: {error}", self.arguments.mesh.display()))
+        })?;
         for (place, fragment) in fragments.fragments.iter().enumerate() {
             if fragment.triangle == Fragment::NOTHING {
                 continue;
@@ -270,7 +282,8 @@ impl<'a> Drawing<'a> {
             let blend = |values: &[[f32; 3]]| {
                 [0, 1, 2].map(|axis| {
                     (0..3).fold(0.0, |sum, corner| {
-                        sum + f64::from(fragment.weights[corner]) * f64::from(values[corners[corner] as usize][axis])
+                        sum + f64::from(fragment.weights[corner])
+                            * f64::from(values[corners[corner] as usize][axis])
                     })
                 })
             };

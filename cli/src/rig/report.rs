@@ -12,8 +12,8 @@ use clap::Args;
 use relight_core::vectors::unit;
 use relight_formats::{read_rig, write_whole};
 use relight_rig::{
-    DISTANCES, ErrorTable, Fitting, Ground, Light, Model, Pixels, PlacedPart, Placement, Quantity, RigPart, Source, SurfacePoint,
-    directions, error_table,
+    DISTANCES, ErrorTable, Fitting, Ground, Light, Model, Pixels, PlacedPart, Placement, Quantity, RigPart,
+    Source, SurfacePoint, directions, error_table,
 };
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -32,7 +32,12 @@ pub(super) struct ReportArguments {
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
     /// Models to compare with the rig's own, each fitted to its surface anew
-    #[arg(long, value_name = "MODEL,..", value_delimiter = ';', default_value = "constant;gradient;lattice:2x2x2;mixed:3,gradient,constant;lattice:2x2x3;lattice:4x4x4")]
+    #[arg(
+        long,
+        value_name = "MODEL,..",
+        value_delimiter = ';',
+        default_value = "constant;gradient;lattice:2x2x2;mixed:3,gradient,constant;lattice:2x2x3;lattice:4x4x4"
+    )]
     models: Vec<String>,
     /// The light stands in this direction only, instead of in any
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = three_of)]
@@ -66,12 +71,17 @@ const TIMED: usize = 65_536;
 /// Runs the subcommand.
 pub(super) fn run(arguments: &ReportArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
-    let toward = match arguments.toward {
-        None => directions(),
-        Some(v) => vec![unit(v).ok_or_else(|| Failure::usage("--toward 0,0,0 is no direction; give where the light stands"))?],
-    };
+    let toward =
+        match arguments.toward {
+            None => directions(),
+            Some(v) => vec![unit(v).ok_or_else(|| {
+                Failure::usage("--toward 0,0,0 is no direction; give where the light stands")
+            })?],
+        };
     if let Some(within) = arguments.distances.iter().find(|distance| **distance <= 1.0) {
-        return Err(Failure::usage(format!("--distances has {within}, within the mesh's sphere; give more than 1 radius")));
+        return Err(Failure::usage(format!(
+            "--distances has {within}, within the mesh's sphere; give more than 1 radius"
+        )));
     }
     let models = arguments.models.iter().map(|text| Model::parse(text)).collect::<Result<Vec<_>, _>>()?;
     let file = read_rig(&arguments.rig, machine.memory)?;
@@ -132,7 +142,11 @@ fn ground_of(part: &RigPart) -> Ground {
     let is_surface = part.samples.len() > part.model.parameters().len()
         && part.samples.iter().all(|sample| sample.quantity == Quantity::Value);
     let samples = match is_surface {
-        true => part.samples.iter().map(|s| SurfacePoint { position: s.position, normal: [0.0, 0.0, 1.0] }).collect(),
+        true => part
+            .samples
+            .iter()
+            .map(|s| SurfacePoint { position: s.position, normal: [0.0, 0.0, 1.0] })
+            .collect(),
         false => part.surface.iter().step_by(4).copied().collect(),
     };
     Ground { name: part.name.clone(), frame: part.frame, samples, surface: part.surface.clone() }
@@ -145,7 +159,11 @@ fn nanoseconds(part: &RigPart, bands: usize, machine: &Machine) -> f64 {
     for point in part.surface.iter().cycle().take(TIMED) {
         pixels.push(&placed, point.position, point.normal);
     }
-    let light = Light { name: String::new(), source: Source::Directional { direction: [0.0, 0.0, 1.0] }, color: [1.0; 3] };
+    let light = Light {
+        name: String::new(),
+        source: Source::Directional { direction: [0.0, 0.0, 1.0] },
+        color: [1.0; 3],
+    };
     let time = |_| {
         let start = Instant::now();
         let lit = pixels.by_rig(&placed, std::slice::from_ref(&light), bands, machine.level);
@@ -158,15 +176,25 @@ fn nanoseconds(part: &RigPart, bands: usize, machine: &Machine) -> f64 {
 }
 
 fn print(part: &RigPart, rows: &[Row], distances: &[f64], grey: f64) {
-    let shown: Vec<usize> = [2.0, 3.0, 4.0, 6.0, 12.0].iter().filter_map(|d| distances.iter().position(|x| x == d)).collect();
+    let shown: Vec<usize> =
+        [2.0, 3.0, 4.0, 6.0, 12.0].iter().filter_map(|d| distances.iter().position(|x| x == d)).collect();
     let shown = if shown.is_empty() { (0..distances.len().min(6)).collect() } else { shown };
     let heads: String = shown.iter().map(|&i| format!("{:>10}", distances[i])).collect();
-    say!("{}: largest error of the rig per radiance x (light's radius / mesh's radius)^2, by distance in radii", label(&part.name));
+    say!(
+        "{}: largest error of the rig per radiance x (light's radius / mesh's radius)^2, by distance in radii",
+        label(&part.name)
+    );
     say!("{:<28} {:<14} vectors  ns/pixel {heads}   grey at {}", "model", "fitted", distances[shown[0]]);
     for row in rows {
         let errors: String = shown.iter().map(|&i| format!("{:>10}", digits(row.errors.rig[i]))).collect();
         let worst = digits(grey * row.errors.rig[shown[0]]);
-        say!("{:<28} {:<14} {:>7} {:>9.2} {errors}   {worst}", row.model, row.way, row.vectors, row.nanoseconds);
+        say!(
+            "{:<28} {:<14} {:>7} {:>9.2} {errors}   {worst}",
+            row.model,
+            row.way,
+            row.vectors,
+            row.nanoseconds
+        );
     }
 }
 
@@ -193,10 +221,8 @@ fn drawing(rows: &[Row], distances: &[f64], grey: f64) -> String {
         points: distances.iter().zip(&row.errors.rig).map(|(d, error)| (*d, grey * error)).collect(),
     };
     let at = distances.iter().position(|d| *d >= 4.0).unwrap_or(distances.len() - 1);
-    let mark = |row: &&Row| Mark {
-        name: row.model.clone(),
-        place: (row.nanoseconds, grey * row.errors.rig[at]),
-    };
+    let mark =
+        |row: &&Row| Mark { name: row.model.clone(), place: (row.nanoseconds, grey * row.errors.rig[at]) };
     svg(&[
         Panel {
             title: "Error of the rig against distance".to_owned(),

@@ -2,7 +2,7 @@
 
 use crate::failure::{Exit, Failure};
 use crate::options::Machine;
-use relight_formats::{read_scene, RigFile};
+use relight_formats::{RigFile, read_scene};
 use relight_rig::{Light, PlacedPart, Placement};
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,9 @@ pub(super) fn moments(path: &Path, rig: &RigFile, machine: &Machine) -> Result<M
     let parts = &rig.rig.parts;
     let list = times.into_iter().map(|time| {
         let scene = file.rig_scene(path, time)?;
-        if let Some((name, _)) = scene.parts.iter().find(|(name, _)| parts.iter().all(|part| part.name != *name)) {
+        if let Some((name, _)) =
+            scene.parts.iter().find(|(name, _)| parts.iter().all(|part| part.name != *name))
+        {
             let known: Vec<_> = parts.iter().map(|part| format!("'{}'", part.name)).collect();
             let words = match &known[..] {
                 [whole] if whole == "''" => "was baked as one; bake it again with --parts".to_owned(),
@@ -44,7 +46,8 @@ pub(super) fn moments(path: &Path, rig: &RigFile, machine: &Machine) -> Result<M
             let words = format!("{}: it moves part '{name}', but the rig {words}", path.display());
             return Err(Failure::new(Exit::BadInput, words));
         }
-        let of_part = |name: &str| scene.parts.iter().find(|part| part.0 == name).map_or(scene.object, |part| part.1);
+        let of_part =
+            |name: &str| scene.parts.iter().find(|part| part.0 == name).map_or(scene.object, |part| part.1);
         let placements = parts.iter().map(|part| of_part(&part.name)).collect();
         Ok(Moment { time, lights: scene.lights, placements })
     });

@@ -1,10 +1,12 @@
 //! The pixels of a part, lit by lights one by one, by the rig, or by both.
 
-use crate::light::{SurfaceRows, add_reflectance};
-use crate::{Light, LightPlan, PlacedPart, Projector, RigRows, ShadedRig};
+use crate::{
+    Light, LightPlan, PlacedPart, Projector, RigRows, ShadedRig, Source, SurfaceRows, add_reflectance,
+};
 use rayon::prelude::*;
 use relight_core::CpuLevel;
-use relight_core::vectors::unit;
+use relight_core::vectors::{difference, unit};
+use std::ops::Range;
 
 /// Pixels lit together: what they are and what they get stays in the nearest cache.
 const SPAN: usize = 1024;
@@ -54,7 +56,13 @@ impl Pixels {
     }
 
     /// All light through the rig.
-    pub fn by_rig(&self, placed: &PlacedPart<'_>, lights: &[Light], bands: usize, level: CpuLevel) -> Reflected {
+    pub fn by_rig(
+        &self,
+        placed: &PlacedPart<'_>,
+        lights: &[Light],
+        bands: usize,
+        level: CpuLevel,
+    ) -> Reflected {
         let lights: Vec<_> = lights.iter().map(|light| (light, 1.0)).collect();
         self.lit(&[], Some(&shaded(placed, &lights, bands, level)), level)
     }
@@ -81,10 +89,11 @@ impl Pixels {
     fn lit(&self, lights: &[Light], rig: Option<&ShadedRig>, level: CpuLevel) -> Reflected {
         let mut out: Reflected = [0, 1, 2].map(|_| vec![0.0; self.len()]);
         let [r, g, b] = &mut out;
-        let spans = r.par_chunks_mut(SPAN).zip(g.par_chunks_mut(SPAN)).zip(b.par_chunks_mut(SPAN)).enumerate();
+        let spans =
+            r.par_chunks_mut(SPAN).zip(g.par_chunks_mut(SPAN)).zip(b.par_chunks_mut(SPAN)).enumerate();
         spans.for_each(|(span, ((r, g), b))| {
             let range = span * SPAN..span * SPAN + r.len();
-            let rows = |columns: &'_ [Vec<f32>; 3]| -> [&[f32]; 3] { columns.each_ref().map(|column| &column[range.clone()]) };
+            let rows = |columns| part_of(columns, range.clone());
             if let Some(rig) = rig {
                 let (coordinates, normals) = (rows(&self.coordinates), rows(&self.normals));
                 rig.add(level, RigRows { coordinates, normals, out: [r, g, b] });
@@ -98,12 +107,24 @@ impl Pixels {
     }
 }
 
+fn part_of(columns: &[Vec<f32>; 3], range: Range<usize>) -> [&[f32]; 3] {
+    columns.each_ref().map(|column| &column[range.clone()])
+}
+
 /// Lights by their shares, seen from the middle of the part's frame.
 fn around(placed: &PlacedPart<'_>, lights: &[(&Light, f64)]) -> Vec<Light> {
     let origin = placed.placement.point(placed.part.frame.centre);
     let moved = |(light, share): &(&Light, f64)| {
-        let light = light.seen_from(origin);
-        Light { color: light.color.map(|c| c * share), ..light }
+        let from_origin = |place: [f64; 3]| difference(place, origin);
+        let source = match light.source.clone() {
+            Source::Sphere { centre, radius } => Source::Sphere { centre: from_origin(centre), radius },
+            Source::Disc { centre, normal, radius } => {
+                Source::Disc { centre: from_origin(centre), normal, radius }
+            }
+            Source::Point { position, nearest } => Source::Point { position: from_origin(position), nearest },
+            afar @ (Source::Directional { .. } | Source::Probe(_)) => afar,
+        };
+        Light { name: light.name.clone(), source, color: light.color.map(|c| c * share) }
     };
     lights.iter().map(moved).collect()
 }

@@ -9,8 +9,8 @@
 //! Source: *Irradiance Rigs*, section 3; the scale and the envelope are MATH.md's (section 1.4).
 
 use crate::errors::Envelope;
-use crate::lighting::{COSINE_LOBE, reflection};
-use crate::{Light, Placement, RigPart, Source};
+use crate::lighting::reflection;
+use crate::{Light, Placement, RigPart, Source, cosine_lobe};
 use rayon::prelude::*;
 use relight_core::srgb_from_linear;
 use relight_core::vectors::{difference, length};
@@ -180,7 +180,7 @@ impl Situation {
             Source::Probe(probe) => {
                 let cut = probe.coefficients.iter().enumerate().skip(bands * bands).map(|(i, values)| {
                     let l = i.isqrt();
-                    let lobe = COSINE_LOBE.get(l).copied().unwrap_or(0.0).abs() / PI;
+                    let lobe = cosine_lobe(l).abs() / PI;
                     let most =
                         values.iter().zip(light.color).fold(0.0f64, |most, (v, c)| most.max((v * c).abs()));
                     lobe * most * ((2 * l + 1) as f64 / (4.0 * PI)).sqrt()
@@ -205,8 +205,8 @@ fn truncation(bands: usize) -> f64 {
     };
     let error = |i: i32| {
         let x = 0.01 * f64::from(i);
-        let terms = legendre(x).into_iter().zip(COSINE_LOBE).enumerate().take(bands);
-        let sum: f64 = terms.map(|(l, (p, lobe))| lobe * (2 * l + 1) as f64 / (4.0 * PI) * p).sum();
+        let terms = legendre(x).into_iter().enumerate().take(bands);
+        let sum: f64 = terms.map(|(l, p)| cosine_lobe(l) * (2 * l + 1) as f64 / (4.0 * PI) * p).sum();
         (sum - x.max(0.0)).abs()
     };
     (-100..=100).map(error).fold(0.0, f64::max)

@@ -1,7 +1,6 @@
 //! Rigs at every pixel: many points at once, in f32.
 
-use crate::lighting::COSINE_LOBE;
-use crate::{AxisFunction, RigPart};
+use crate::{AxisFunction, RigPart, cosine_lobe};
 use relight_core::{CpuLevel, Vectorized};
 use std::f64::consts::PI;
 
@@ -49,7 +48,7 @@ impl ShadedRig {
         let products = products.collect();
         let count = bands * bands;
         let coefficients = coefficients.iter().enumerate().map(|(i, values)| {
-            let lobe = COSINE_LOBE[(i % count).isqrt()] / PI;
+            let lobe = cosine_lobe((i % count).isqrt()) / PI;
             values.map(|value| (lobe * value) as f32)
         });
         Self { bands, functions, products, coefficients: coefficients.collect() }

@@ -38,9 +38,18 @@ fn every_model_gives_back_the_lighting_that_it_can_hold() {
     let shape = sphere(24);
     let ground = Ground::new("", &shape.surface(), 300).unwrap();
     let coordinates: Vec<_> = ground.samples.iter().map(|s| ground.frame.coordinates(s.position)).collect();
-    for text in ["constant", "gradient", "lattice:2x2x2", "lattice:3x1x2", "lattice:4x4x4", "mixed:3,gradient,constant", "mixed:gradient,5,2"] {
+    for text in [
+        "constant",
+        "gradient",
+        "lattice:2x2x2",
+        "lattice:3x1x2",
+        "lattice:4x4x4",
+        "mixed:3,gradient,constant",
+        "mixed:gradient,5,2",
+    ] {
         let model = Model::parse(text).unwrap();
-        let parameters: Vec<f64> = (0..model.parameters().len()).map(|i| 1.0 + libm::sin(1.7 * i as f64)).collect();
+        let parameters: Vec<f64> =
+            (0..model.parameters().len()).map(|i| 1.0 + libm::sin(1.7 * i as f64)).collect();
         let mut weights = vec![0.0; parameters.len()];
         let mut value = |point: &[f64; 3]| -> f64 {
             model.weights(*point, &mut weights);
@@ -49,7 +58,12 @@ fn every_model_gives_back_the_lighting_that_it_can_hold() {
         let values: Vec<f64> = coordinates.iter().map(&mut value).collect();
         let found = fitted(&least_squares(&model, &coordinates), &values);
         // Lattices give up a little for smoothness.
-        let tolerance = if model.parameters().iter().flatten().any(|f| matches!(f, AxisFunction::Hat { .. })) { 2e-2 } else { 1e-12 };
+        let tolerance = if model.parameters().iter().flatten().any(|f| matches!(f, AxisFunction::Hat { .. }))
+        {
+            2e-2
+        } else {
+            1e-12
+        };
         for (a, b) in found.iter().zip(&parameters) {
             assert!((a - b).abs() < tolerance, "{text}: {found:?} for {parameters:?}");
         }
@@ -196,7 +210,9 @@ fn samples_are_spread_by_area() {
     // Evenly: the distance to the nearest other is nearly the same everywhere, which random points' is not.
     let ratio = |points: &[relight_rig::SurfacePoint]| {
         let nearest = |i: usize| {
-            let d = |j: usize| (0..3).map(|c| (points[i].position[c] - points[j].position[c]).powi(2)).sum::<f64>().sqrt();
+            let d = |j: usize| {
+                (0..3).map(|c| (points[i].position[c] - points[j].position[c]).powi(2)).sum::<f64>().sqrt()
+            };
             (0..points.len()).filter(|&j| j != i).map(d).fold(f64::INFINITY, f64::min)
         };
         let all: Vec<f64> = (0..points.len()).map(nearest).collect();
@@ -227,9 +243,12 @@ fn meshes_without_area_and_broken_ones_have_samples_or_a_reason() {
     assert_eq!(Ground::new("", &degenerate, 16).unwrap().samples.len(), 6, "each vertex, from both sides");
     // A triangle among degenerate ones is where all samples lie.
     let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [9.0, 9.0, 9.0]];
-    let mixed = Surface { positions: &positions, normals: &[], triangles: &[[3, 3, 3], [0, 1, 2], [0, 0, 3]] };
+    let mixed =
+        Surface { positions: &positions, normals: &[], triangles: &[[3, 3, 3], [0, 1, 2], [0, 0, 3]] };
     let samples = Ground::new("", &mixed, 32).unwrap().samples;
-    assert!(samples.len() == 32 && samples.iter().all(|s| s.position[2] == 0.0 && s.normal == [0.0, 0.0, 1.0]));
+    assert!(
+        samples.len() == 32 && samples.iter().all(|s| s.position[2] == 0.0 && s.normal == [0.0, 0.0, 1.0])
+    );
     let empty = Surface { positions: &[], normals: &[], triangles: &[] };
     assert_eq!(Ground::new("", &empty, 16).err(), Some(RigError::NoSurface));
     assert!(matches!(Ground::new("", &mixed, 0), Err(RigError::Samples { .. })));
@@ -241,7 +260,9 @@ fn a_million_triangles_are_sampled_like_a_few() {
     let (fine, coarse) = (sphere(708), sphere(24));
     assert!(fine.triangles.len() > 1_000_000);
     let [fine, coarse] = [&fine, &coarse].map(|shape| Ground::new("", &shape.surface(), 128).unwrap());
-    let mean = |ground: &Ground| [0, 1, 2].map(|c| ground.samples.iter().map(|s| s.position[c]).sum::<f64>() / 128.0);
+    let mean = |ground: &Ground| {
+        [0, 1, 2].map(|c| ground.samples.iter().map(|s| s.position[c]).sum::<f64>() / 128.0)
+    };
     for (a, b) in mean(&fine).iter().zip(mean(&coarse)) {
         assert!((a - b).abs() < 0.03, "{a} {b}");
     }
@@ -250,9 +271,25 @@ fn a_million_triangles_are_sampled_like_a_few() {
 
 #[test]
 fn models_that_make_no_sense_are_refused_with_the_forms() {
-    for text in ["", "quadratic", "gradient:2", "lattice", "lattice:2x2", "lattice:0x2x2", "lattice:65x1x1", "mixed:3,linear,2", "mixed:2,2,2,2"] {
+    for text in [
+        "",
+        "quadratic",
+        "gradient:2",
+        "lattice",
+        "lattice:2x2",
+        "lattice:0x2x2",
+        "lattice:65x1x1",
+        "mixed:3,linear,2",
+        "mixed:2,2,2,2",
+    ] {
         let error = Model::parse(text).unwrap_err();
-        assert!(matches!(error, RigError::Model { .. }) && error.to_string().contains("lattice:XxYxZ"), "{text}: {error}");
+        assert!(
+            matches!(error, RigError::Model { .. }) && error.to_string().contains("lattice:XxYxZ"),
+            "{text}: {error}"
+        );
     }
-    assert!(matches!(Model::parse("lattice:9x9x9"), Err(RigError::TooManyParameters { parameters: 729, most: 512 })));
+    assert!(matches!(
+        Model::parse("lattice:9x9x9"),
+        Err(RigError::TooManyParameters { parameters: 729, most: 512 })
+    ));
 }

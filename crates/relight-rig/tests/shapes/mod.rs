@@ -36,8 +36,12 @@ pub(crate) fn sphere(steps: usize) -> Shape {
     let (rows, columns) = (steps, 2 * steps);
     for row in 0..=rows {
         for column in 0..=columns {
-            let (t, p) = (std::f64::consts::PI * row as f64 / rows as f64, std::f64::consts::TAU * column as f64 / columns as f64);
-            let place = [libm::sin(t) * libm::cos(p), libm::sin(t) * libm::sin(p), libm::cos(t)].map(|c| c as f32);
+            let (t, p) = (
+                std::f64::consts::PI * row as f64 / rows as f64,
+                std::f64::consts::TAU * column as f64 / columns as f64,
+            );
+            let place =
+                [libm::sin(t) * libm::cos(p), libm::sin(t) * libm::sin(p), libm::cos(t)].map(|c| c as f32);
             shape.positions.push(place);
             shape.normals.push(place);
         }
@@ -45,7 +49,8 @@ pub(crate) fn sphere(steps: usize) -> Shape {
     let at = |row: usize, column: usize| (row * (columns + 1) + column) as u32;
     for row in 0..rows {
         for column in 0..columns {
-            let (a, b, c, d) = (at(row, column), at(row + 1, column), at(row + 1, column + 1), at(row, column + 1));
+            let (a, b, c, d) =
+                (at(row, column), at(row + 1, column), at(row + 1, column + 1), at(row, column + 1));
             shape.triangles.extend([[a, b, c], [a, c, d]]);
         }
     }
@@ -74,7 +79,8 @@ pub(crate) fn cuboid(least: [f32; 3], most: [f32; 3]) -> Shape {
 
 /// Two boxes in the form of an L: long along x, with a tower at the end; most of its box is empty.
 pub(crate) fn ell() -> Shape {
-    let (mut shape, tower) = (cuboid([0.0, 0.0, 0.0], [4.0, 1.0, 0.4]), cuboid([0.0, 0.0, 0.4], [0.4, 1.0, 3.0]));
+    let (mut shape, tower) =
+        (cuboid([0.0, 0.0, 0.0], [4.0, 1.0, 0.4]), cuboid([0.0, 0.0, 0.4], [0.4, 1.0, 3.0]));
     let first = shape.positions.len() as u32;
     shape.positions.extend(tower.positions);
     shape.normals.extend(tower.normals);
