@@ -16,9 +16,9 @@ pub struct Surface<'a> {
 }
 
 /// Candidates for each point, among which it moves to the middle of its cell.
-const CANDIDATES: usize = 16;
+const CANDIDATES: usize = 24;
 
-/// Steps of Lloyd's relaxation: cells of a sphere then differ by less than a fifth in area.
+/// Steps of Lloyd's relaxation at most: more move hardly any point, as they begin far apart.
 const STEPS: usize = 16;
 
 impl Surface<'_> {
@@ -128,11 +128,7 @@ fn relaxed(candidates: &[SurfacePoint], count: usize) -> Vec<usize> {
     if candidates.len() <= count {
         return (0..candidates.len()).collect();
     }
-    let mut chosen: Vec<usize> = (0..count).map(|i| i * candidates.len() / count).collect();
-    let square = |a: [f64; 3], b: [f64; 3]| {
-        let d = difference(a, b);
-        dot(d, d)
-    };
+    let mut chosen = far_apart(candidates, count);
     for _ in 0..STEPS {
         let places: Vec<[f64; 3]> = chosen.iter().map(|&i| candidates[i].position).collect();
         let nearest_of = |point: &SurfacePoint| {
@@ -168,6 +164,29 @@ fn relaxed(candidates: &[SurfacePoint], count: usize) -> Vec<usize> {
         chosen = moved;
     }
     chosen
+}
+
+/// Indices of `count` candidates, each the farthest from those before it.
+fn far_apart(candidates: &[SurfacePoint], count: usize) -> Vec<usize> {
+    let mut squares = vec![f64::INFINITY; candidates.len()];
+    let mut chosen = vec![0];
+    while chosen.len() < count {
+        let last = candidates[chosen[chosen.len() - 1]].position;
+        let mut farthest = (0, 0.0);
+        for (i, (point, least)) in candidates.iter().zip(&mut squares).enumerate() {
+            *least = least.min(square(last, point.position));
+            if *least > farthest.1 {
+                farthest = (i, *least);
+            }
+        }
+        chosen.push(farthest.0);
+    }
+    chosen
+}
+
+fn square(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let d = difference(a, b);
+    dot(d, d)
 }
 
 /// Numbers that look random, the same ones for a seed.
