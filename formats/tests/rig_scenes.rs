@@ -3,12 +3,14 @@
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail as the test does")]
 
 use relight_core::CpuLevel;
-use relight_formats::{FormatError, RigScene, SceneFile, read_scene};
+use relight_core::vectors::{cross, difference, dot, length, wide};
+use relight_formats::{FormatError, RigScene, SceneFile, read_mesh, read_mesh_parts, read_scene};
 use relight_lights::Lamp;
 use relight_rig::{Light, Placement, Source};
+use relight_surface::Mesh;
 use std::f64::consts::PI;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 fn scene_file(text: &str) -> Result<SceneFile, FormatError> {
     let folder = tempfile::tempdir().unwrap();
@@ -143,7 +145,7 @@ fn parts_move_by_their_own_motion_and_then_by_the_objects() {
     assert_near(&hat.direction([0.0, 0.0, 1.0]), &[1.0, 0.0, 0.0], 1e-14);
     assert_near(&hat.point([0.0, 0.0, 0.0]), &[10.0, 0.0, 5.0], 1e-14);
     for Placement { rotation: r, .. } in [scene.object, *leg, *hat] {
-        let across = relight_core::vectors::cross(r[0], r[1]);
+        let across = cross(r[0], r[1]);
         assert_near(&across, &r[2], 1e-14);
     }
     let still = rig_scene("[[light]]\nkind = \"directional\"\ndirection = [0, 0, 1]\n", 0.0);
@@ -201,4 +203,126 @@ fn what_does_not_belong_is_refused_in_a_sentence() {
     read("[object]\nkeys = [{ time = inf }]", "key at time inf");
     read("[object]\nkeys = [{ time = 0, pivot = [0, 1e10, 0] }]", "10000000000");
     read("[object]\nscale = 2", "scale");
+}
+
+fn testdata(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../testdata/rigs").join(name)
+}
+
+/// Bounds along each axis.
+fn bounds<'a>(meshes: impl Iterator<Item = &'a Mesh> + Clone) -> [[f32; 2]; 3] {
+    let values =
+        |axis: usize| meshes.clone().flat_map(move |mesh| mesh.positions.iter().map(move |p| p[axis]));
+    [0, 1, 2].map(|axis| [values(axis).fold(f32::MAX, f32::min), values(axis).fold(f32::MIN, f32::max)])
+}
+
+/// Volume by the signed tetrahedra of its triangles; normals must agree with how triangles are wound.
+fn volume(mesh: &Mesh) -> f64 {
+    let corner = |vertex: u32| wide(mesh.positions[vertex as usize]);
+    let mut volume = 0.0;
+    for corners in &mesh.triangles {
+        let [a, b, c] = corners.map(corner);
+        volume += dot(a, cross(b, c)) / 6.0;
+        let out = cross(difference(b, a), difference(c, a));
+        let normals = corners.map(|vertex| wide(mesh.normals[vertex as usize]));
+        assert!(normals.iter().all(|normal| dot(*normal, out) > 0.0), "{corners:?}");
+    }
+    volume
+}
+
+#[test]
+fn the_car_and_the_figure_are_what_they_are_said_to_be() {
+    let car = read_mesh_parts(&testdata("car.glb"), 1 << 26).unwrap();
+    let [(name, car)] = &car[..] else { panic!("one part") };
+    assert_eq!(name, "car");
+    assert_eq!(bounds([car].into_iter()), [[-2.0, 2.0], [-0.8, 0.8], [0.0, 1.4]]);
+    assert!((5000..=8000).contains(&car.triangles.len()));
+    assert!((3.0..6.0).contains(&volume(car)), "{}", volume(car));
+
+    let figure = read_mesh_parts(&testdata("figure.glb"), 1 << 26).unwrap();
+    let names: Vec<_> = figure.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["torso", "head", "arm_left", "arm_right", "leg_left", "leg_right"]);
+    let meshes = || figure.iter().map(|(_, mesh)| mesh);
+    let [_, _, [low, high]] = bounds(meshes());
+    assert!(low.abs() < 1e-6 && (high - 1.8).abs() < 1e-6, "{low} to {high}");
+    assert!((3000..=6000).contains(&meshes().map(|mesh| mesh.triangles.len()).sum::<usize>()));
+    assert!(meshes().all(|mesh| volume(mesh) > 0.0));
+    // Left is where y is, for someone who looks along x.
+    assert!(bounds(meshes().skip(2).take(1))[1][0] > 0.0);
+}
+
+#[test]
+fn the_room_is_the_papers() {
+    let path = testdata("room.toml");
+    let file = read_scene(&path, CpuLevel::BASELINE, 1 << 24).unwrap();
+    assert_eq!(file.times.len(), 24);
+    let at = |time: f64| file.rig_scene(&path, time).unwrap();
+    let scene = at(0.0);
+    let radius_of = |light: &Light| match light.source {
+        Source::Sphere { radius, .. } => radius,
+        _ => 0.0,
+    };
+    let ceiling: Vec<&Light> = scene.lights.iter().filter(|light| radius_of(light) > 0.1).collect();
+    let small = scene.lights.iter().filter(|light| (0.001..0.1).contains(&radius_of(light))).count();
+    let discs = || scene.lights.iter().filter(|light| matches!(light.source, Source::Disc { .. }));
+    assert_eq!((ceiling.len(), small, discs().count()), (4, 8, 192));
+    // Every disc shines as its wall reflects: what all walls of one colour give is that colour times the same light.
+    let mut area = 0.0;
+    for disc in discs() {
+        let Source::Disc { centre, normal, radius } = disc.source else { continue };
+        area += std::f64::consts::PI * radius * radius;
+        let light = ceiling.iter().fold([0.0; 3], |sum, lamp| {
+            let Source::Sphere { centre: lamp_centre, radius } = lamp.source else { return sum };
+            let toward = difference(lamp_centre, centre);
+            let square = dot(toward, toward);
+            let share = radius * radius * dot(toward, normal) / (square * square.sqrt());
+            [0, 1, 2].map(|i| sum[i] + lamp.color[i] * share)
+        });
+        let albedo = [0, 1, 2].map(|i| disc.color[i] / light[i]);
+        let expected = match (centre[1], centre[2]) {
+            (_, 0.0) => [0.45, 0.36, 0.28],
+            (3.0, _) => [0.63, 0.06, 0.05],
+            (-3.0, _) => [0.14, 0.45, 0.09],
+            _ => [0.73; 3],
+        };
+        for (a, b) in albedo.iter().zip(expected) {
+            assert!((a - b).abs() < 0.01 * b + 0.002, "{albedo:?} at {centre:?}");
+        }
+    }
+    // Floor and four walls.
+    assert!((area - (48.0 + 2.0 * 24.0 + 2.0 * 18.0)).abs() < 0.1, "{area}");
+    let names: Vec<_> = scene.parts.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["arm_left", "arm_right", "leg_left", "leg_right"]);
+    assert_ne!(at(0.25).parts[0].1.rotation, scene.parts[0].1.rotation);
+    assert_ne!(at(1.0).object, scene.object);
+}
+
+#[test]
+fn the_light_flies_straight_past_the_car() {
+    let path = testdata("flyby.toml");
+    let file = read_scene(&path, CpuLevel::BASELINE, 1 << 24).unwrap();
+    let mesh = read_mesh(&testdata("car.glb"), 1 << 26).unwrap();
+    let middle = [0.0, 0.0, 0.7];
+    let from_middle = |place: [f64; 3]| length(difference(place, middle));
+    let radius = mesh.positions.iter().map(|p| from_middle(wide(*p))).fold(0.0, f64::max);
+    let places: Vec<[f64; 3]> = file
+        .times
+        .iter()
+        .map(|&time| match file.rig_scene(&path, time).unwrap().lights[0].source {
+            Source::Sphere { centre, .. } => centre,
+            _ => panic!("a sphere"),
+        })
+        .collect();
+    assert_eq!(places.len(), 48);
+    let along = difference(places[47], places[0]);
+    let off_line = |place: &[f64; 3]| length(cross(difference(*place, places[0]), along)) / length(along);
+    assert!(places.iter().map(off_line).fold(0.0, f64::max) < 0.001 * radius);
+    let distances: Vec<f64> = places.iter().map(|place| from_middle(*place) / radius).collect();
+    assert_near(&[distances[0], distances[47]], &[40.0, 40.0], 1e-3);
+    assert_near(&[off_line(&middle) / radius], &[1.5], 1e-3);
+    assert!(distances.iter().all(|&distance| distance > 1.5));
+    let small = testdata("small.toml");
+    let lights =
+        read_scene(&small, CpuLevel::BASELINE, 1 << 24).unwrap().rig_scene(&small, 0.0).unwrap().lights;
+    assert_eq!(lights.len(), 3);
 }
