@@ -1,6 +1,7 @@
 //! `relight rig`: moving meshes lit to match by a few vectors of spherical harmonics.
 
 mod bake;
+mod curves;
 mod mesh;
 mod plan;
 mod render;
