@@ -15,7 +15,10 @@ mod placement;
 mod rig;
 
 pub use error::RigError;
-pub use light::{Light, MOST_BANDS, Probe, Projector, Source, SurfaceRows, add_reflectance, cosine_lobe};
+pub use light::{
+    Light, MOST_BANDS, Probe, Projector, Source, SphereTable, SurfaceRows, TableAxes, add_reflectance,
+    cosine_lobe,
+};
 pub use model::{AxisFunction, MODELS, MOST_PARAMETERS, Model, ModelFamily};
 pub use placement::Placement;
 pub use rig::{ErrorTable, Frame, Quantity, Rig, RigPart, Sample, SurfacePoint};
