@@ -97,7 +97,7 @@ trait AtPoint {
 
     /// Puts in what [`Self::factor`] could not give.
     #[inline(always)]
-    fn mend(&self, _factors: &mut [f32], _points: &SurfaceRows<'_>) {}
+    fn mend(&self, _factors: &mut [f32], _points: &Strip) {}
 }
 
 /// Points whose factors are kept before they become colours.
@@ -117,14 +117,12 @@ impl<W: AtPoint> Vectorized for Rows<'_, W> {
         let [r, g, b] = self.out;
         let color = self.work.color();
         for first in (0..self.points.x.len()).step_by(STRIP) {
-            let strip = self.points.strip(first);
-            let count = strip.x.len();
+            let (strip, count) = Strip::new(self.points, first);
             let mut factors = [0.0f32; STRIP];
-            let factors = &mut factors[..count];
             for (i, factor) in factors.iter_mut().enumerate() {
                 *factor = self.work.factor(strip.facing(i));
             }
-            self.work.mend(factors, &strip);
+            self.work.mend(&mut factors[..count], &strip);
             let [r, g, b] = [&mut r[first..][..count], &mut g[first..][..count], &mut b[first..][..count]];
             for i in 0..count {
                 r[i] += color[0] * factors[i];
@@ -135,26 +133,32 @@ impl<W: AtPoint> Vectorized for Rows<'_, W> {
     }
 }
 
-impl SurfaceRows<'_> {
-    /// [`STRIP`] points or what is left.
+/// [`STRIP`] points, by coordinate: of known length, so that loops over it have no checks in the way.
+struct Strip {
+    point: [[f32; STRIP]; 3],
+    normal: [[f32; STRIP]; 3],
+}
+
+impl Strip {
+    /// The points from `first` on, and how many there are; zeros follow.
     #[inline(always)]
-    fn strip(&self, first: usize) -> Self {
-        let count = STRIP.min(self.x.len() - first);
-        let SurfaceRows { x, y, z, nx, ny, nz } = *self;
-        // One length for all, or each access would be checked.
-        Self {
-            x: &x[first..][..count],
-            y: &y[first..][..count],
-            z: &z[first..][..count],
-            nx: &nx[first..][..count],
-            ny: &ny[first..][..count],
-            nz: &nz[first..][..count],
-        }
+    fn new(points: &SurfaceRows<'_>, first: usize) -> (Self, usize) {
+        let count = STRIP.min(points.x.len() - first);
+        let mut strip = Self { point: [[0.0; STRIP]; 3], normal: [[0.0; STRIP]; 3] };
+        let [x, y, z] = &mut strip.point;
+        let [nx, ny, nz] = &mut strip.normal;
+        x[..count].copy_from_slice(&points.x[first..][..count]);
+        y[..count].copy_from_slice(&points.y[first..][..count]);
+        z[..count].copy_from_slice(&points.z[first..][..count]);
+        nx[..count].copy_from_slice(&points.nx[first..][..count]);
+        ny[..count].copy_from_slice(&points.ny[first..][..count]);
+        nz[..count].copy_from_slice(&points.nz[first..][..count]);
+        (strip, count)
     }
 
     #[inline(always)]
     fn facing(&self, i: usize) -> Facing {
-        Facing { point: [self.x[i], self.y[i], self.z[i]], normal: [self.nx[i], self.ny[i], self.nz[i]] }
+        Facing { point: three!(|a| self.point[a][i]), normal: three!(|a| self.normal[a][i]) }
     }
 }
 
@@ -297,7 +301,7 @@ impl AtPoint for Disc {
     }
 
     #[inline(always)]
-    fn mend(&self, factors: &mut [f32], points: &SurfaceRows<'_>) {
+    fn mend(&self, factors: &mut [f32], points: &Strip) {
         for (i, factor) in factors.iter_mut().enumerate() {
             if *factor == CUT {
                 *factor = self.cut(points.facing(i));
