@@ -285,8 +285,8 @@ fn check(file: &RigFile) -> Result<(), String> {
     if mesh.name.contains(['/', '\\']) {
         return Err(format!("the name '{}' of the rig's mesh names a folder; bake it again", mesh.name));
     }
-    if !(1..=6).contains(&rig.bands) {
-        return Err(format!("{} bands of harmonics where 1 to 6 are known; bake the rig again", rig.bands));
+    if !(1..=MOST_BANDS).contains(&rig.bands) {
+        return Err(format!("{} bands of harmonics where 1 to {MOST_BANDS} are known; bake the rig again", rig.bands));
     }
     if rig.parts.is_empty() {
         return Err("the rig has no parts where it needs 1; bake it again".to_owned());

@@ -9,7 +9,8 @@ use crate::say::say;
 use clap::{Args, ValueEnum};
 use relight_formats::{RigFile, write_rig, write_whole};
 use relight_rig::{
-    Choice, Envelope, Fitting, Ground, LightFamily, MOST_PARAMETERS, Model, Rig, RigPart, SAMPLES, cheapest,
+    Choice, Envelope, Fitting, Ground, LightFamily, MOST_BANDS, MOST_PARAMETERS, Model, Rig, RigPart,
+    SAMPLES, cheapest,
 };
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -35,7 +36,7 @@ pub(super) struct BakeArguments {
     #[arg(long, value_name = "WAY", value_enum, default_value = "surface")]
     fit: FitChoice,
     /// Bands of the harmonics
-    #[arg(long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u8).range(1..=6))]
+    #[arg(long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u8).range(1..=MOST_BANDS as i64))]
     bands: u8,
     /// A rig for each node of a glTF file or object of an OBJ file, which move by themselves
     #[arg(long)]

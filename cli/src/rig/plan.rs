@@ -10,7 +10,21 @@ use clap::Args;
 use relight_core::relighter::Picture;
 use relight_formats::{RigFile, picture_depths, read_rig, write_picture, write_whole};
 use relight_rig::{LightPlan, Plan, Source, plan};
-struct SphereTable; impl SphereTable { fn new(_: usize)->Self{Self} fn of_the_paper(_: usize)->Self{Self} fn largest_error_grey(&self)->f64{0.0} fn values(&self)->&[f32]{&[]} } // TEMP
+struct SphereTable;
+impl SphereTable {
+    fn new(_: usize) -> Self {
+        Self
+    }
+    fn of_the_paper(_: usize) -> Self {
+        Self
+    }
+    fn largest_error_grey(&self) -> f64 {
+        0.0
+    }
+    fn values(&self) -> &[f32] {
+        &[]
+    }
+} // TEMP
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;

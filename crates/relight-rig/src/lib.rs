@@ -27,7 +27,10 @@ pub use auto::{Choice, LightFamily, cheapest};
 pub use error::RigError;
 pub use errors::{DISTANCES, Envelope, directions, error_table};
 pub use fit::{Fitting, Ground, SAMPLES};
-pub use light::{Light, MOST_BANDS, Probe, Projector, Source, SurfaceRows, add_reflectance, cosine_lobe};
+pub use light::{
+    Light, MOST_BANDS, Probe, Projector, Source, SphereTable, SurfaceRows, TableAxes, add_reflectance,
+    cosine_lobe,
+};
 pub use lighting::reflection;
 pub use model::{AxisFunction, MODELS, MOST_PARAMETERS, Model, ModelFamily};
 pub use operator::least_squares;

@@ -1,6 +1,6 @@
 //! Rigs at every pixel: many points at once, in f32.
 
-use crate::{AxisFunction, RigPart, cosine_lobe};
+use crate::{AxisFunction, MOST_BANDS, RigPart, cosine_lobe};
 use relight_core::{CpuLevel, Vectorized};
 use std::f64::consts::PI;
 
@@ -135,7 +135,9 @@ impl Vectorized for Adding<'_> {
                     continue;
                 }
                 let mut values = [[0.0f32; LANES]; 3];
-                for (harmonic, color) in harmonics.iter().zip(coefficients) {
+                for (harmonic, color) in
+                    harmonics.iter().zip(coefficients).filter(|(_, color)| **color != [0.0; 3])
+                {
                     for (value, &factor) in values.iter_mut().zip(color) {
                         for i in 0..LANES {
                             value[i] += factor * harmonic[i];
@@ -176,8 +178,8 @@ fn values_of(function: AxisFunction, coordinate: &Lanes) -> Lanes {
 
 /// Y_lm of unit vectors, by l * l + l + m; those of bands that the recursion has not are 0.
 #[inline(always)]
-fn harmonics(recursion: &Recursion, [x, y, z]: [Lanes; 3]) -> [Lanes; 36] {
-    let mut out = [[0.0; LANES]; 36];
+fn harmonics(recursion: &Recursion, [x, y, z]: [Lanes; 3]) -> [Lanes; MOST_BANDS * MOST_BANDS] {
+    let mut out = [[0.0; LANES]; MOST_BANDS * MOST_BANDS];
     let (mut cos_m, mut sin_m) = ([std::f32::consts::SQRT_2; LANES], [0.0; LANES]);
     for (m, (&sectoral, steps)) in recursion.sectoral.iter().zip(&recursion.steps).enumerate() {
         let (mut before, mut current) = ([0.0; LANES], [sectoral; LANES]);

@@ -126,8 +126,9 @@ impl View {
             for &(place, share) in ALONG.iter() {
                 let along = sin * (2.0 * place - 1.0);
                 let [x, y] = [0, 1].map(|i| cos * up[i] + along * side[i]);
-                let d = length([self.offset + x, y, self.height]);
-                strip += share / d / d / d * (self.height / d);
+                let (x, z) = (self.offset + x, self.height);
+                let d = (x * x + y * y + z * z).sqrt();
+                strip += share / d / d / d * (z / d);
             }
             sum += weight * half * 2.0 * sin * sin * rise * strip;
         }
@@ -136,10 +137,10 @@ impl View {
 }
 
 /// Distance in radii from which clipped discs are summed strip by strip.
-const FAR: f64 = 8.0;
+const FAR: f64 = 24.0;
 
-static STRIPS: LazyLock<[Node; 24]> = LazyLock::new(gauss_legendre);
-static ALONG: LazyLock<[Node; 10]> = LazyLock::new(gauss_legendre);
+static STRIPS: LazyLock<[Node; 14]> = LazyLock::new(gauss_legendre);
+static ALONG: LazyLock<[Node; 5]> = LazyLock::new(gauss_legendre);
 
 /// Integrals along the rim over |r|^2 = A + B cos(angle).
 struct Arc {

@@ -7,7 +7,7 @@
 //! Derived for this program; checked against golden values and sums over the area.
 
 use super::disc::View;
-use super::harmonics::{MOST_FUNCTIONS, SLOPES, Zonal, harmonics};
+use super::harmonics::{MOST_BANDS, MOST_FUNCTIONS, SLOPES, Zonal, harmonics};
 use super::quadrature::{Node, gauss_legendre};
 use relight_core::vectors::{dot, length, scaled};
 use std::f64::consts::PI;
@@ -78,7 +78,7 @@ impl Projection {
         let mut projection = Self::NONE;
         let mut functions = [0.0; MOST_FUNCTIONS];
         // Intensity falls with the square of the distance, and with the cosine at the disc: height / distance.
-        let mut zonal = Zonal { values: [0.0; 6], slopes: [0.0; 6] };
+        let mut zonal = Zonal { values: [0.0; MOST_BANDS], slopes: [0.0; MOST_BANDS] };
         let mut values = vec![[0.0; 3]; bands * bands];
         let mut slopes = vec![[[0.0; 3]; 3]; bands * bands];
         for (node, share) in OUTWARDS.iter() {
@@ -91,8 +91,8 @@ impl Projection {
                 // Not d^3: far away it overflows, or its inverse underflows.
                 let area = PI * share / AROUND as f64 / d / d;
                 let weight = area * (view.height / d);
-                zonal.values = [weight; 6];
-                zonal.slopes = [3.0 * weight; 6];
+                zonal.values = [weight; MOST_BANDS];
+                zonal.slopes = [3.0 * weight; MOST_BANDS];
                 zonal.add(&functions, [1.0; 3], &mut values);
                 zonal.add_gradient(&functions, [1.0 / d; 3], &mut slopes);
                 for (slope, function) in projection.slopes.iter_mut().zip(&functions[..bands * bands]) {

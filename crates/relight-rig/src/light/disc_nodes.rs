@@ -1,7 +1,7 @@
 //! Discs as sums over their area, side by side in f32.
 
 use super::harmonics::MOST_BANDS;
-use super::lanes::{LANES, Lanes, RECURSION, lanes};
+use super::lanes::{LANES, Lanes, RECURSION, three};
 use super::projector::{Totals, lane_sum};
 use super::quadrature::gauss_legendre;
 use super::{Light, Source};
@@ -39,7 +39,7 @@ impl Rule {
 
 /// From few nodes to many.
 static RULES: LazyLock<[Rule; 4]> = LazyLock::new(|| {
-    [Rule::new::<2>(9.0, 8), Rule::new::<3>(4.0, 16), Rule::new::<6>(2.0, 24), Rule::new::<8>(1.5, 32)]
+    [Rule::new::<2>(5.5, 8), Rule::new::<3>(2.6, 16), Rule::new::<6>(1.85, 24), Rule::new::<8>(1.55, 32)]
 });
 
 /// A disc and what it takes to sum over it.
@@ -137,35 +137,59 @@ impl<const GRADIENT: bool> Vectorized for Nodes<'_, GRADIENT> {
 
     #[inline(always)]
     fn run(self) -> Sums {
-        let bands = if GRADIENT { self.bands + 1 } else { self.bands };
-        let mut functions = [[0.0f32; LANES]; MOST];
-        let (mut values, mut slopes) = ([[0.0f32; LANES]; MOST], [[0.0f32; LANES]; MOST]);
+        match self.bands {
+            1 => self.sum::<1, 1, 4>(),
+            2 => self.sum::<2, 4, 9>(),
+            3 => self.sum::<3, 9, 16>(),
+            4 => self.sum::<4, 16, 25>(),
+            5 => self.sum::<5, 25, 36>(),
+            _ => self.sum::<6, 36, MOST>(),
+        }
+    }
+}
+
+impl<const GRADIENT: bool> Nodes<'_, GRADIENT> {
+    /// `N` and `UP` are the squares of `BANDS` and of one more.
+    #[inline(always)]
+    fn sum<const BANDS: usize, const N: usize, const UP: usize>(self) -> Sums {
+        let mut functions = [[0.0f32; LANES]; UP];
+        let (mut values, mut slopes) = ([[0.0f32; LANES]; N], [[0.0f32; LANES]; UP]);
+        let [a, b] = &self.across;
         for [u, v, share] in &self.rule.nodes {
-            let [a, b] = &self.across;
-            let towards =
-                [0, 1, 2].map(|axis| lanes!(|i| self.towards[axis] + (u[i] * a[axis] + v[i] * b[axis])));
-            let [x, y, z] = &towards;
-            let inverse = lanes!(|i| 1.0 / (x[i] * x[i] + y[i] * y[i] + z[i] * z[i]).sqrt());
-            let [x, y, z] = &towards.map(|t| lanes!(|i| t[i] * inverse[i]));
-            RECURSION.evaluate(bands, [x, y, z], &mut functions);
-            let weight = lanes!(|i| share[i] * inverse[i] * (inverse[i] * inverse[i]));
-            for (sum, function) in values.iter_mut().zip(&functions).take(self.bands * self.bands) {
-                *sum = lanes!(|i| sum[i] + weight[i] * function[i]);
+            let mut direction = [[0.0f32; LANES]; 3];
+            let (mut cubic, mut quartic) = ([0.0f32; LANES], [0.0f32; LANES]);
+            for i in 0..LANES {
+                let [x, y, z] = three!(|axis| self.towards[axis] + (u[i] * a[axis] + v[i] * b[axis]));
+                let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
+                direction[0][i] = x * inverse;
+                direction[1][i] = y * inverse;
+                direction[2][i] = z * inverse;
+                cubic[i] = share[i] * inverse * (inverse * inverse);
+                quartic[i] = cubic[i] * inverse;
+            }
+            RECURSION.evaluate(if GRADIENT { BANDS + 1 } else { BANDS }, &direction, &mut functions);
+            for (sum, function) in values.iter_mut().zip(&functions) {
+                for i in 0..LANES {
+                    sum[i] += cubic[i] * function[i];
+                }
             }
             if GRADIENT {
-                let weight = lanes!(|i| weight[i] * inverse[i]);
-                for (sum, function) in slopes.iter_mut().zip(&functions).take(bands * bands) {
-                    *sum = lanes!(|i| sum[i] + weight[i] * function[i]);
+                for (sum, function) in slopes.iter_mut().zip(&functions) {
+                    for i in 0..LANES {
+                        sum[i] += quartic[i] * function[i];
+                    }
                 }
             }
         }
-        let sum = |lanes: &[Lanes; MOST], count: usize| {
-            let mut sums = [0.0; MOST];
-            for (sum, lanes) in sums.iter_mut().zip(lanes).take(count) {
+        let mut sums = Sums { values: [0.0; MOST], slopes: [0.0; MOST] };
+        for (sum, lanes) in sums.values.iter_mut().zip(&values) {
+            *sum = lane_sum(lanes);
+        }
+        if GRADIENT {
+            for (sum, lanes) in sums.slopes.iter_mut().zip(&slopes) {
                 *sum = lane_sum(lanes);
             }
-            sums
-        };
-        Sums { values: sum(&values, self.bands * self.bands), slopes: sum(&slopes, bands * bands) }
+        }
+        sums
     }
 }

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use std::sync::LazyLock;
 
 /// Most bands of a projection.
-pub const MOST_BANDS: usize = 6;
+pub const MOST_BANDS: usize = 7;
 
 /// Functions of one band more than [`MOST_BANDS`]: what slopes are made of.
 pub(super) const MOST_FUNCTIONS: usize = (MOST_BANDS + 1) * (MOST_BANDS + 1);

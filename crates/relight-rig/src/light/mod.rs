@@ -12,10 +12,12 @@ mod projector;
 mod quadrature;
 mod reflectance;
 mod sphere;
+mod sphere_table;
 
 pub use harmonics::{MOST_BANDS, cosine_lobe};
 pub use projector::Projector;
 pub use reflectance::{SurfaceRows, add_reflectance};
+pub use sphere_table::{SphereTable, TableAxes};
 
 use disc::View;
 use disc_harmonics::Projection;

@@ -6,7 +6,7 @@
 
 use super::disc_nodes::Disc;
 use super::harmonics::{MOST_BANDS, SLOPES};
-use super::lanes::{LANES, Lanes, RECURSION, lanes};
+use super::lanes::{LANES, Lanes, RECURSION, lanes, three};
 use super::{Light, Source};
 use relight_core::vectors::{difference, length};
 use relight_core::{CpuLevel, Vectorized};
@@ -37,7 +37,7 @@ struct Batch {
     /// 0 for points.
     radius2: [f64; LANES],
     /// Nothing changes with the distance within it: a sphere's radius, a point's `nearest`.
-    nearest2: Lanes,
+    nearest2: [f64; LANES],
     /// z_l times squared distance, where it is the same for all bands.
     color: [Lanes; 3],
 }
@@ -179,7 +179,7 @@ impl Batch {
             }
             batch.unit[i] = emitter.unit;
             batch.radius2[i] = emitter.radius2;
-            batch.nearest2[i] = emitter.nearest2 as f32;
+            batch.nearest2[i] = emitter.nearest2;
         }
         batch
     }
@@ -240,64 +240,51 @@ impl<const GRADIENT: bool> Vectorized for Block<'_, GRADIENT> {
     #[inline(always)]
     fn run(self) {
         match self.bands {
-            1 => self.sum::<1>(),
-            2 => self.sum::<2>(),
-            3 => self.sum::<3>(),
-            4 => self.sum::<4>(),
-            5 => self.sum::<5>(),
-            _ => self.sum::<6>(),
+            1 => self.sum::<1, 1, 4, 0>(),
+            2 => self.sum::<2, 4, 9, 1>(),
+            3 => self.sum::<3, 9, 16, 4>(),
+            4 => self.sum::<4, 16, 25, 9>(),
+            5 => self.sum::<5, 25, 36, 16>(),
+            6 => self.sum::<6, 36, 49, 25>(),
+            _ => self.sum::<7, FUNCTIONS, ABOVE, BELOW>(),
         }
     }
 }
 
 impl<const GRADIENT: bool> Block<'_, GRADIENT> {
+    /// `N`, `UP` and `DOWN` are the squares of `BANDS`, one more and one less.
     #[inline(always)]
-    fn sum<const BANDS: usize>(self) {
-        let mut values = [[[0.0f32; LANES]; 3]; FUNCTIONS];
-        let mut above = [[[0.0f32; LANES]; 3]; ABOVE];
-        let mut below = [[[0.0f32; LANES]; 3]; BELOW];
-        let mut functions = [[0.0f32; LANES]; ABOVE];
+    fn sum<const BANDS: usize, const N: usize, const UP: usize, const DOWN: usize>(self) {
+        let mut values = [[[0.0f32; LANES]; 3]; N];
+        let mut above = [[[0.0f32; LANES]; 3]; UP];
+        let mut below = [[[0.0f32; LANES]; 3]; DOWN];
+        let mut functions = [[0.0f32; LANES]; UP];
         for batch in self.block {
-            let seen = Seen::new(batch, self.from);
+            let seen = Seen::new::<GRADIENT>(batch, self.from);
             let bands = if GRADIENT { BANDS + 1 } else { BANDS };
-            let [x, y, z] = &seen.direction;
-            RECURSION.evaluate(bands, [x, y, z], &mut functions);
-            let zonal = seen.zonal();
-            for (l, zonal) in zonal.iter().enumerate().take(BANDS) {
-                let weight = lanes!(|i| seen.fall_off[i] * zonal[i]);
-                add_band(&mut values, &functions, l, &batch.color, &weight);
-            }
-            if GRADIENT {
-                for (l, (slopes, zonal)) in seen.slopes().iter().zip(&zonal).enumerate().take(BANDS) {
-                    let up = l as f32;
-                    let weight = lanes!(|i| seen.steepness[i] * (slopes[i] + up * zonal[i]));
-                    add_band(&mut above, &functions, l + 1, &batch.color, &weight);
+            RECURSION.evaluate(bands, &seen.direction, &mut functions);
+            for l in 0..BANDS {
+                add_band(&mut values, &functions, l, &batch.color, &seen.values[l]);
+                if GRADIENT {
+                    add_band(&mut above, &functions, l + 1, &batch.color, &seen.above[l]);
                     if l > 0 {
-                        let (down, factor) = ((l + 1) as f32, 1.0 / (2 * l + 1) as f32);
-                        let weight = lanes!(|i| factor * (seen.steepness[i] * (slopes[i] - down * zonal[i])));
-                        add_band(&mut below, &functions, l - 1, &batch.color, &weight);
+                        add_band(&mut below, &functions, l - 1, &batch.color, &seen.below[l]);
                     }
                 }
             }
         }
-        flush(&values[..BANDS * BANDS], self.scale, &mut self.totals.values);
+        flush(&values, self.scale, &mut self.totals.values);
         if GRADIENT {
-            flush(&above[..(BANDS + 1) * (BANDS + 1)], self.scale, &mut self.totals.above);
-            flush(&below[..(BANDS - 1) * (BANDS - 1)], self.scale, &mut self.totals.below);
+            flush(&above, self.scale, &mut self.totals.above);
+            flush(&below, self.scale, &mut self.totals.below);
         }
     }
 }
 
 /// Adds a band's functions by `color` and `weight`.
 #[inline(always)]
-fn add_band(
-    sums: &mut [[Lanes; 3]],
-    functions: &[Lanes; ABOVE],
-    l: usize,
-    color: &[Lanes; 3],
-    weight: &Lanes,
-) {
-    let colors = [0, 1, 2].map(|c| lanes!(|i| color[c][i] * weight[i]));
+fn add_band(sums: &mut [[Lanes; 3]], functions: &[Lanes], l: usize, color: &[Lanes; 3], weight: &Lanes) {
+    let colors = three!(|c| lanes!(|i| color[c][i] * weight[i]));
     for at in l * l..(l + 1) * (l + 1) {
         for c in 0..3 {
             let sum = &mut sums[at][c];
@@ -338,80 +325,81 @@ const TOUCHING: f32 = 1e-36;
 /// A batch as a point sees it.
 struct Seen {
     direction: [Lanes; 3],
-    /// Squared sine of half the angle that a sphere fills, 0 for points.
-    q: Lanes,
-    /// The cosine that goes with it.
-    c: Lanes,
-    /// 1 / squared distance, held within `nearest`.
-    fall_off: Lanes,
-    /// That over the distance in the scene's units.
-    steepness: Lanes,
-    /// 1 where distance matters.
-    outside: Lanes,
+    /// z_l over pi and the batch's colours.
+    values: [Lanes; MOST_BANDS],
+    /// What band l + 1 gives to the slopes of band l.
+    above: [Lanes; MOST_BANDS],
+    /// What band l - 1 gives to them.
+    below: [Lanes; MOST_BANDS],
 }
 
 impl Seen {
     #[inline(always)]
-    fn new(batch: &Batch, from: [f64; 3]) -> Self {
-        let mut towards = [[0.0f32; LANES]; 3];
-        let (mut d2, mut tangent2) = ([0.0f32; LANES], [0.0f32; LANES]);
+    fn new<const GRADIENT: bool>(batch: &Batch, from: [f64; 3]) -> Self {
+        let mut seen = Self {
+            direction: [[0.0; LANES]; 3],
+            values: [[0.0; LANES]; MOST_BANDS],
+            above: [[0.0; LANES]; MOST_BANDS],
+            below: [[0.0; LANES]; MOST_BANDS],
+        };
+        let (mut d2, mut tangent2, mut beyond2) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
         for i in 0..LANES {
             let unit = batch.unit[i];
-            let v = [0, 1, 2].map(|a| batch.position[a][i] - from[a] * unit);
+            let v = three!(|a| batch.position[a][i] - from[a] * unit);
             let square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-            for a in 0..3 {
-                towards[a][i] = v[a] as f32;
-            }
+            seen.direction[0][i] = v[0] as f32;
+            seen.direction[1][i] = v[1] as f32;
+            seen.direction[2][i] = v[2] as f32;
             d2[i] = square as f32;
             tangent2[i] = (square - batch.radius2[i]) as f32;
+            beyond2[i] = (square - batch.nearest2[i]) as f32;
         }
-        let inverse = lanes!(|i| 1.0 / d2[i].max(TOUCHING));
-        let nearness = lanes!(|i| inverse[i].sqrt());
-        let mut direction = [0, 1, 2].map(|a| lanes!(|i| towards[a][i] * nearness[i]));
-        // In its very middle a light is seen towards +z and has no slope.
-        direction[2] = lanes!(|i| if d2[i] > TOUCHING { direction[2][i] } else { 1.0 });
-        let fall_off = lanes!(|i| 1.0 / d2[i].max(batch.nearest2[i]).max(TOUCHING));
-        let steepness = lanes!(|i| {
-            let steepness = fall_off[i] * nearness[i] * batch.unit[i] as f32;
-            if d2[i] > TOUCHING { steepness } else { 0.0 }
-        });
-        Self {
-            q: lanes!(|i| batch.radius2[i] as f32 * fall_off[i]),
-            c: lanes!(|i| (tangent2[i].max(0.0) * inverse[i]).sqrt()),
-            outside: lanes!(|i| if d2[i] > batch.nearest2[i] { 1.0 } else { 0.0 }),
-            direction,
-            fall_off,
-            steepness,
+        for i in 0..LANES {
+            let away = d2[i] > TOUCHING;
+            let inverse = 1.0 / d2[i].max(TOUCHING);
+            let nearness = inverse.sqrt();
+            seen.direction[0][i] *= nearness;
+            seen.direction[1][i] *= nearness;
+            let z = seen.direction[2][i] * nearness;
+            // In its very middle a light is seen towards +z and has no slope.
+            seen.direction[2][i] = if away { z } else { 1.0 };
+            let fall_off = 1.0 / d2[i].max(batch.nearest2[i] as f32).max(TOUCHING);
+            // The squared sine of half the angle that it fills, 0 for points, and the cosine.
+            let q = batch.radius2[i] as f32 * fall_off;
+            let c = (tangent2[i].max(0.0) * inverse).sqrt();
+            let z = [
+                2.0 / (1.0 + c),
+                1.0,
+                c,
+                1.0 - 1.25 * q,
+                c * (1.0 - 1.75 * q),
+                1.0 + q * (2.625 * q - 3.5),
+                c * (1.0 + q * (4.125 * q - 4.5)),
+            ];
+            for (values, z) in seen.values.iter_mut().zip(z) {
+                values[i] = fall_off * z;
+            }
+            if GRADIENT {
+                let odd = if beyond2[i] > 0.0 { 2.0 } else { 0.0 };
+                let even = if c > 0.0 { odd / c } else { 0.0 };
+                let g = [
+                    even,
+                    odd,
+                    even * (1.0 - 1.5 * q),
+                    odd * (1.0 - 2.5 * q),
+                    even * (1.0 + q * (4.375 * q - 5.0)),
+                    odd * (1.0 + q * (7.875 * q - 7.0)),
+                    even * (1.0 + q * (q * (23.625 - 14.4375 * q) - 10.5)),
+                ];
+                let steepness = fall_off * nearness * batch.unit[i] as f32;
+                let steepness = if away { steepness } else { 0.0 };
+                for (l, (g, z)) in g.into_iter().zip(z).enumerate() {
+                    let (up, down) = (l as f32, (l + 1) as f32);
+                    seen.above[l][i] = steepness * (g + up * z);
+                    seen.below[l][i] = steepness * (g - down * z) * (1.0 / (up + down));
+                }
+            }
         }
-    }
-
-    /// z_l over the squared sine and pi, as `sphere::Seen::zonal`.
-    #[inline(always)]
-    fn zonal(&self) -> [Lanes; MOST_BANDS] {
-        let (q, c) = (&self.q, &self.c);
-        [
-            lanes!(|i| 2.0 / (1.0 + c[i])),
-            [1.0; LANES],
-            *c,
-            lanes!(|i| 1.0 - 1.25 * q[i]),
-            lanes!(|i| c[i] * (1.0 - 1.75 * q[i])),
-            lanes!(|i| 1.0 + q[i] * (2.625 * q[i] - 3.5)),
-        ]
-    }
-
-    /// Distance times g_l over the squared sine and pi.
-    #[inline(always)]
-    fn slopes(&self) -> [Lanes; MOST_BANDS] {
-        let q = &self.q;
-        let odd = lanes!(|i| 2.0 * self.outside[i]);
-        let even = lanes!(|i| if self.c[i] > 0.0 { odd[i] / self.c[i] } else { 0.0 });
-        [
-            even,
-            odd,
-            lanes!(|i| even[i] * (1.0 - 1.5 * q[i])),
-            lanes!(|i| odd[i] * (1.0 - 2.5 * q[i])),
-            lanes!(|i| even[i] * (1.0 + q[i] * (4.375 * q[i] - 5.0))),
-            lanes!(|i| odd[i] * (1.0 + q[i] * (7.875 * q[i] - 7.0))),
-        ]
+        seen
     }
 }

@@ -4,8 +4,9 @@
 //! radii of 1e-30 or 1e30 nor far origins lose digits. Colours go with squared radii in f64 first.
 
 use super::disc::View;
-use super::lanes::{LANES, Lanes, MOST_LANE_BANDS, RECURSION, angle, arctangent_rest, lanes};
+use super::lanes::{LANES, MOST_LANE_BANDS, RECURSION, angle, arctangent_rest, lanes, three};
 use super::{Light, Probe, Source, cosine_lobe};
+use relight_core::vectors::wide;
 use relight_core::{CpuLevel, Vectorized};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};
 use std::f64::consts::PI;
@@ -54,7 +55,7 @@ pub fn add_reflectance(light: &Light, level: CpuLevel, points: &SurfaceRows<'_>,
                 color: light.color.map(|c| (c * size * size) as f32),
                 place,
                 whole: (*centre, *normal, *radius),
-                clipped_color: light.color.map(|c| c / PI),
+                area: PI * size * size,
             };
             level.run(Rows { points, out, work });
         }
@@ -76,21 +77,31 @@ pub fn add_reflectance(light: &Light, level: CpuLevel, points: &SurfaceRows<'_>,
             };
             level.run(Rows { points, out, work });
         }
-        Source::Probe(probe) => level.run(Rows { points, out, work: Harmonics::new(probe, light.color) }),
+        Source::Probe(probe) => level.run(Harmonics::new(probe, light.color, points, out)),
     }
 }
 
-/// [`LANES`] points and normals.
-struct Chunk {
-    position: [Lanes; 3],
-    normal: [Lanes; 3],
+/// A point and the normal there.
+#[derive(Clone, Copy)]
+struct Facing {
+    point: [f32; 3],
+    normal: [f32; 3],
 }
 
-/// A light at a few points.
-trait AtChunk {
-    /// R, G, B of irradiance / pi; `count` points are asked for, those after them are repetitions.
-    fn reflectance(&self, chunk: &Chunk, count: usize) -> [Lanes; 3];
+/// A light that gives all channels of a point the same, but for its colour.
+trait AtPoint {
+    /// Reflectance over [`Self::color`].
+    fn factor(&self, facing: Facing) -> f32;
+
+    fn color(&self) -> [f32; 3];
+
+    /// Puts in what [`Self::factor`] could not give.
+    #[inline(always)]
+    fn mend(&self, _factors: &mut [f32], _points: &Strip) {}
 }
+
+/// Points whose factors are kept before they become colours.
+const STRIP: usize = 64;
 
 struct Rows<'a, W> {
     points: &'a SurfaceRows<'a>,
@@ -98,41 +109,62 @@ struct Rows<'a, W> {
     work: W,
 }
 
-impl<W: AtChunk> Vectorized for Rows<'_, W> {
+impl<W: AtPoint> Vectorized for Rows<'_, W> {
     type Output = ();
 
     #[inline(always)]
-    fn run(mut self) {
-        let n = self.points.x.len();
-        for first in (0..n).step_by(LANES) {
-            let count = LANES.min(n - first);
-            let load = |row: &[f32]| {
-                let row = &row[first..first + count];
-                match row.try_into() {
-                    Ok(lanes) => lanes,
-                    Err(_) => lanes!(|i| row[i.min(count - 1)]),
-                }
-            };
-            let SurfaceRows { x, y, z, nx, ny, nz } = *self.points;
-            let chunk = Chunk { position: [x, y, z].map(load), normal: [nx, ny, nz].map(load) };
-            let added = self.work.reflectance(&chunk, count);
-            for (out, added) in self.out.iter_mut().zip(&added) {
-                for (out, added) in out[first..first + count].iter_mut().zip(added) {
-                    *out += added;
-                }
+    fn run(self) {
+        let [r, g, b] = self.out;
+        let color = self.work.color();
+        for first in (0..self.points.x.len()).step_by(STRIP) {
+            let (strip, count) = Strip::new(self.points, first);
+            let mut factors = [0.0f32; STRIP];
+            for (i, factor) in factors.iter_mut().enumerate() {
+                *factor = self.work.factor(strip.facing(i));
+            }
+            self.work.mend(&mut factors[..count], &strip);
+            let [r, g, b] = [&mut r[first..][..count], &mut g[first..][..count], &mut b[first..][..count]];
+            for i in 0..count {
+                r[i] += color[0] * factors[i];
+                g[i] += color[1] * factors[i];
+                b[i] += color[2] * factors[i];
             }
         }
     }
 }
 
-#[inline(always)]
-fn dot(a: &[Lanes; 3], b: &[Lanes; 3]) -> Lanes {
-    lanes!(|i| a[0][i] * b[0][i] + a[1][i] * b[1][i] + a[2][i] * b[2][i])
+/// [`STRIP`] points, by coordinate: of known length, so that loops over it have no checks in the way.
+struct Strip {
+    point: [[f32; STRIP]; 3],
+    normal: [[f32; STRIP]; 3],
+}
+
+impl Strip {
+    /// The points from `first` on, and how many there are; zeros follow.
+    #[inline(always)]
+    fn new(points: &SurfaceRows<'_>, first: usize) -> (Self, usize) {
+        let count = STRIP.min(points.x.len() - first);
+        let mut strip = Self { point: [[0.0; STRIP]; 3], normal: [[0.0; STRIP]; 3] };
+        let [x, y, z] = &mut strip.point;
+        let [nx, ny, nz] = &mut strip.normal;
+        x[..count].copy_from_slice(&points.x[first..][..count]);
+        y[..count].copy_from_slice(&points.y[first..][..count]);
+        z[..count].copy_from_slice(&points.z[first..][..count]);
+        nx[..count].copy_from_slice(&points.nx[first..][..count]);
+        ny[..count].copy_from_slice(&points.ny[first..][..count]);
+        nz[..count].copy_from_slice(&points.nz[first..][..count]);
+        (strip, count)
+    }
+
+    #[inline(always)]
+    fn facing(&self, i: usize) -> Facing {
+        Facing { point: three!(|a| self.point[a][i]), normal: three!(|a| self.normal[a][i]) }
+    }
 }
 
 #[inline(always)]
-fn colored(color: [f32; 3], factor: &Lanes) -> [Lanes; 3] {
-    color.map(|c| lanes!(|i| c * factor[i]))
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Where a light stands, in units of a power of two.
@@ -159,23 +191,19 @@ impl Place {
 
     /// The vector to the light.
     #[inline(always)]
-    fn towards(&self, position: &[Lanes; 3]) -> [Lanes; 3] {
+    fn towards(&self, point: [f32; 3]) -> [f32; 3] {
         let scale = self.scale as f32;
-        [0, 1, 2].map(|a| lanes!(|i| (self.high[a] - position[a][i] * scale) + self.low[a]))
+        three!(|a| (self.high[a] - point[a] * scale) + self.low[a])
     }
 
     /// The squared distance and the cosine at the surface.
     #[inline(always)]
-    fn distance2_and_cosine(&self, chunk: &Chunk) -> (Lanes, Lanes) {
-        let towards = self.towards(&chunk.position);
-        let distance2 = dot(&towards, &towards);
-        let along = dot(&towards, &chunk.normal);
+    fn distance2_and_cosine(&self, facing: Facing) -> (f32, f32) {
+        let towards = self.towards(facing.point);
+        let distance2 = dot(towards, towards);
+        let cosine = dot(towards, facing.normal) / distance2.max(TOUCHING).sqrt();
         // In the light's middle it is seen towards +z.
-        let cosine = lanes!(|i| {
-            let cosine = along[i] / distance2[i].max(TOUCHING).sqrt();
-            if distance2[i] > TOUCHING { cosine } else { chunk.normal[2][i] }
-        });
-        (distance2, cosine)
+        (distance2, if distance2 > TOUCHING { cosine } else { facing.normal[2] })
     }
 }
 
@@ -186,22 +214,24 @@ struct Sphere {
     color: [f32; 3],
 }
 
-impl AtChunk for Sphere {
+impl AtPoint for Sphere {
     #[inline(always)]
-    fn reflectance(&self, chunk: &Chunk, _: usize) -> [Lanes; 3] {
+    fn factor(&self, facing: Facing) -> f32 {
         let r = self.radius;
-        let (d2, cosine) = self.place.distance2_and_cosine(chunk);
-        let d = lanes!(|i| d2[i].sqrt());
-        let fall_off = lanes!(|i| 1.0 / d2[i].max(r * r).max(TOUCHING));
-        let sine = lanes!(|i| if d[i] > r { r / d[i] } else { 1.0 });
-        let c = lanes!(|i| (((d[i] - r) * (d[i] + r)).max(0.0) * fall_off[i]).sqrt());
-        let clipped = clipped_sphere(&sine, &c, &cosine);
-        let irradiance = lanes!(|i| {
-            let whole = if cosine[i] <= -sine[i] { 0.0 } else { FRAC_1_PI * clipped[i] };
-            let outside = if cosine[i] >= sine[i] { cosine[i] } else { whole };
-            if c[i] > 0.0 { outside } else { 0.5 * (1.0 + cosine[i]) }
-        });
-        colored(self.color, &lanes!(|i| fall_off[i] * irradiance[i]))
+        let (d2, cosine) = self.place.distance2_and_cosine(facing);
+        let d = d2.sqrt();
+        let fall_off = 1.0 / d2.max(r * r).max(TOUCHING);
+        let sine = if d > r { r / d } else { 1.0 };
+        let c = (((d - r) * (d + r)).max(0.0) * fall_off).sqrt();
+        let cut = FRAC_1_PI * cut_sphere(sine, c, cosine);
+        let whole = if cosine <= -sine { 0.0 } else { cut };
+        let outside = if cosine >= sine { cosine } else { whole };
+        fall_off * if c > 0.0 { outside } else { 0.5 * (1.0 + cosine) }
+    }
+
+    #[inline(always)]
+    fn color(&self) -> [f32; 3] {
+        self.color
     }
 }
 
@@ -209,22 +239,17 @@ impl AtChunk for Sphere {
 ///
 /// As `Seen::irradiance`, whose two ways are one here: the arctangent less its argument is a polynomial up to 1.
 #[inline(always)]
-fn clipped_sphere(sine: &Lanes, c: &Lanes, cosine: &Lanes) -> Lanes {
-    let t = lanes!(|i| (cosine[i] / sine[i]).clamp(-1.0, 1.0));
-    let u = lanes!(|i| ((1.0 - t[i]) * (1.0 + t[i])).sqrt());
-    let lit = angle(&u, &lanes!(|i| -c[i] * t[i]));
-    let w = lanes!(|i| sine[i] * u[i]);
-    let least = lanes!(|i| if w[i] < c[i] { w[i] } else { c[i] });
-    let most = lanes!(|i| if w[i] < c[i] { c[i] } else { w[i] }.max(f32::MIN_POSITIVE));
-    let x = lanes!(|i| least[i] / most[i]);
-    let rest = arctangent_rest(&lanes!(|i| x[i] * x[i]));
-    lanes!(|i| {
-        let ratio = u[i] / c[i];
-        let small = x[i] + x[i] * (ratio * ratio * rest[i]);
-        let steep = FRAC_PI_2 - (x[i] + x[i] * (x[i] * x[i] * rest[i])) - c[i] * w[i];
-        let tail = if w[i] < c[i] { small } else { steep / (sine[i] * sine[i]) };
-        cosine[i] * lit[i] + tail
-    })
+pub(super) fn cut_sphere(sine: f32, c: f32, cosine: f32) -> f32 {
+    let t = (cosine / sine).clamp(-1.0, 1.0);
+    let u = ((1.0 - t) * (1.0 + t)).sqrt();
+    let w = sine * u;
+    let (least, most) = if w < c { (w, c) } else { (c, w) };
+    let x = least / most.max(f32::MIN_POSITIVE);
+    let rest = arctangent_rest(x * x);
+    let ratio = u / c;
+    let small = x + x * (ratio * ratio * rest);
+    let steep = FRAC_PI_2 - (x + x * (x * x * rest)) - c * w;
+    cosine * angle(u, -c * t) + if w < c { small } else { steep / (sine * sine) }
 }
 
 struct Disc {
@@ -235,62 +260,62 @@ struct Disc {
     color: [f32; 3],
     /// Centre, normal, radius as they are.
     whole: ([f64; 3], [f64; 3], f64),
-    clipped_color: [f64; 3],
+    /// In the place's units.
+    area: f64,
 }
 
-impl AtChunk for Disc {
+/// What a disc's factor is where the horizon cuts it: those points are evaluated one by one.
+const CUT: f32 = -1.0;
+
+impl AtPoint for Disc {
     #[inline(always)]
-    fn reflectance(&self, chunk: &Chunk, count: usize) -> [Lanes; 3] {
-        let (m, r) = (self.normal, self.radius);
-        let v = self.place.towards(&chunk.position);
-        let h = lanes!(|i| -(v[0][i] * m[0] + v[1][i] * m[1] + v[2][i] * m[2]));
-        let across = [0, 1, 2].map(|a| lanes!(|i| v[a][i] + h[i] * m[a]));
-        let a2 = dot(&across, &across);
-        let a = lanes!(|i| a2[i].sqrt());
-        let near2 = lanes!(|i| h[i] * h[i] + (a[i] - r) * (a[i] - r));
-        let far2 = lanes!(|i| h[i] * h[i] + (a[i] + r) * (a[i] + r));
-        let delta = lanes!(|i| (near2[i].sqrt() * far2[i].sqrt()).max(TOUCHING));
-        let outside = lanes!(|i| h[i] * h[i] + (a[i] - r) * (a[i] + r));
-        let ratio = lanes!(|i| h[i] / delta[i]);
+    fn factor(&self, facing: Facing) -> f32 {
+        let (m, r, n) = (self.normal, self.radius, facing.normal);
+        let v = self.place.towards(facing.point);
+        let h = -dot(v, m);
+        let across = three!(|a| v[a] + h * m[a]);
+        let a2 = dot(across, across);
+        let a = a2.sqrt();
+        let near2 = h * h + (a - r) * (a - r);
+        let far2 = h * h + (a + r) * (a + r);
+        let delta = (near2.sqrt() * far2.sqrt()).max(TOUCHING);
+        let outside = h * h + (a - r) * (a + r);
+        let ratio = h / delta;
         // Vector irradiance / (pi radius^2), along -m and across.
-        let along = lanes!(|i| {
-            let beyond = 2.0 * ratio[i] * (h[i] / (delta[i] + outside[i]));
-            if outside[i] > 0.0 { beyond } else { 0.5 * (1.0 - outside[i] / delta[i]) / (r * r) }
-        });
-        let share = lanes!(|i| 2.0 * ratio[i] / (h[i] * h[i] + a2[i] + r * r + delta[i]));
-        let facing = lanes!(|i| {
-            -(chunk.normal[0][i] * m[0] + chunk.normal[1][i] * m[1] + chunk.normal[2][i] * m[2])
-        });
-        let sideways = dot(&chunk.normal, &across);
-        let middle = dot(&chunk.normal, &v);
-        let tilt = lanes!(|i| r * ((1.0 - facing[i]) * (1.0 + facing[i])).max(0.0).sqrt());
-        let irradiance = lanes!(|i| {
-            let seen = h[i] > 0.0 && middle[i] >= tilt[i];
-            if seen { (along[i] * facing[i] + share[i] * sideways[i]).max(0.0) } else { 0.0 }
-        });
-        let mut out = colored(self.color, &irradiance);
-        let cut = lanes!(|i| if h[i] > 0.0 && middle[i].abs() < tilt[i] { 1.0 } else { 0.0 });
-        if cut.iter().any(|&cut| cut > 0.0) {
-            self.add_cut(chunk, &cut[..count], &mut out);
+        let beyond = 2.0 * ratio * (h / (delta + outside));
+        let within = 0.5 * (1.0 - outside / delta) / (r * r);
+        let along = if outside > 0.0 { beyond } else { within };
+        let share = 2.0 * ratio / (h * h + a2 + r * r + delta);
+        let towards = -dot(n, m);
+        let middle = dot(n, v);
+        let tilt = r * ((1.0 - towards) * (1.0 + towards)).max(0.0).sqrt();
+        let whole = (along * towards + share * dot(n, across)).max(0.0);
+        let above = if middle >= tilt { whole } else { CUT };
+        let seen = if middle <= -tilt { 0.0 } else { above };
+        if h > 0.0 { seen } else { 0.0 }
+    }
+
+    #[inline(always)]
+    fn color(&self) -> [f32; 3] {
+        self.color
+    }
+
+    #[inline(always)]
+    fn mend(&self, factors: &mut [f32], points: &Strip) {
+        for (i, factor) in factors.iter_mut().enumerate() {
+            if *factor == CUT {
+                *factor = self.cut(points.facing(i));
+            }
         }
-        out
     }
 }
 
 impl Disc {
-    /// What the horizon leaves, where `cut` says that it cuts.
     #[inline(never)]
-    fn add_cut(&self, chunk: &Chunk, cut: &[f32], out: &mut [Lanes; 3]) {
-        let (centre, normal, radius) = self.whole;
-        for i in (0..cut.len()).filter(|&i| cut[i] > 0.0) {
-            let [point, facing] =
-                [&chunk.position, &chunk.normal].map(|v| [0, 1, 2].map(|a| f64::from(v[a][i])));
-            let irradiance =
-                View::new(centre, normal, radius, point).map_or(0.0, |view| view.irradiance(facing));
-            for (out, color) in out.iter_mut().zip(self.clipped_color) {
-                out[i] = (color * irradiance) as f32;
-            }
-        }
+    fn cut(&self, Facing { point, normal }: Facing) -> f32 {
+        let (centre, axis, radius) = self.whole;
+        let view = View::new(centre, axis, radius, wide(point));
+        view.map_or(0.0, |view| (view.irradiance(wide(normal)) / self.area) as f32)
     }
 }
 
@@ -301,12 +326,16 @@ struct Point {
     color: [f32; 3],
 }
 
-impl AtChunk for Point {
+impl AtPoint for Point {
     #[inline(always)]
-    fn reflectance(&self, chunk: &Chunk, _: usize) -> [Lanes; 3] {
-        let (d2, cosine) = self.place.distance2_and_cosine(chunk);
-        let factor = lanes!(|i| cosine[i].max(0.0) / d2[i].max(self.nearest2).max(TOUCHING));
-        colored(self.color, &factor)
+    fn factor(&self, facing: Facing) -> f32 {
+        let (d2, cosine) = self.place.distance2_and_cosine(facing);
+        cosine.max(0.0) / d2.max(self.nearest2).max(TOUCHING)
+    }
+
+    #[inline(always)]
+    fn color(&self) -> [f32; 3] {
+        self.color
     }
 }
 
@@ -316,43 +345,61 @@ struct Directional {
     color: [f32; 3],
 }
 
-impl AtChunk for Directional {
+impl AtPoint for Directional {
     #[inline(always)]
-    fn reflectance(&self, chunk: &Chunk, _: usize) -> [Lanes; 3] {
-        let cosine = dot(&chunk.normal, &self.direction.map(|c| [c; LANES]));
-        colored(self.color, &lanes!(|i| cosine[i].max(0.0)))
+    fn factor(&self, facing: Facing) -> f32 {
+        dot(facing.normal, self.direction).max(0.0)
+    }
+
+    #[inline(always)]
+    fn color(&self) -> [f32; 3] {
+        self.color
     }
 }
 
 /// Harmonics of reflectance.
-struct Harmonics {
+struct Harmonics<'a> {
     bands: usize,
     coefficients: Vec<[f32; 3]>,
+    points: &'a SurfaceRows<'a>,
+    out: [&'a mut [f32]; 3],
 }
 
-impl Harmonics {
-    fn new(probe: &Probe, color: [f64; 3]) -> Self {
+impl<'a> Harmonics<'a> {
+    fn new(probe: &Probe, color: [f64; 3], points: &'a SurfaceRows<'a>, out: [&'a mut [f32]; 3]) -> Self {
         let reflected = |(i, c): (usize, &[f64; 3])| {
             let factor = cosine_lobe(i.isqrt()) / PI;
             [0, 1, 2].map(|channel| (color[channel] * c[channel] * factor) as f32)
         };
         let coefficients: Vec<_> = probe.coefficients.iter().enumerate().map(reflected).collect();
-        Self { bands: coefficients.len().isqrt(), coefficients }
+        Self { bands: coefficients.len().isqrt(), coefficients, points, out }
     }
 }
 
-impl AtChunk for Harmonics {
+impl Vectorized for Harmonics<'_> {
+    type Output = ();
+
     #[inline(always)]
-    fn reflectance(&self, chunk: &Chunk, _: usize) -> [Lanes; 3] {
+    fn run(self) {
         let mut functions = [[0.0f32; LANES]; MOST_LANE_BANDS * MOST_LANE_BANDS];
-        let [x, y, z] = &chunk.normal;
-        RECURSION.evaluate(self.bands, [x, y, z], &mut functions);
-        let mut out = [[0.0f32; LANES]; 3];
-        for (coefficient, function) in self.coefficients.iter().zip(&functions) {
-            for (out, c) in out.iter_mut().zip(coefficient) {
-                *out = lanes!(|i| out[i] + c * function[i]);
+        let [r, g, b] = self.out;
+        let SurfaceRows { nx, ny, nz, .. } = *self.points;
+        for first in (0..nx.len()).step_by(LANES) {
+            let count = LANES.min(nx.len() - first);
+            let mut normal = [[0.0f32; LANES]; 3];
+            normal[0][..count].copy_from_slice(&nx[first..first + count]);
+            normal[1][..count].copy_from_slice(&ny[first..first + count]);
+            normal[2][..count].copy_from_slice(&nz[first..first + count]);
+            RECURSION.evaluate(self.bands, &normal, &mut functions);
+            let mut sums = [[0.0f32; LANES]; 3];
+            for (coefficient, function) in self.coefficients.iter().zip(&functions) {
+                sums = three!(|c| lanes!(|i| sums[c][i] + coefficient[c] * function[i]));
+            }
+            for i in 0..count {
+                r[first + i] += sums[0][i];
+                g[first + i] += sums[1][i];
+                b[first + i] += sums[2][i];
             }
         }
-        out
     }
 }

@@ -30,8 +30,15 @@ impl Seen {
     /// bands' slopes grow without bound towards the surface; on it and within nothing changes with distance.
     pub(super) fn zonal(self) -> Zonal {
         let (q, c) = (self.sine * self.sine, self.cosine);
-        let values =
-            [2.0 / (1.0 + c), 1.0, c, 1.0 - 1.25 * q, c * (1.0 - 1.75 * q), 1.0 + q * (2.625 * q - 3.5)];
+        let values = [
+            2.0 / (1.0 + c),
+            1.0,
+            c,
+            1.0 - 1.25 * q,
+            c * (1.0 - 1.75 * q),
+            1.0 + q * (2.625 * q - 3.5),
+            c * (1.0 + q * (4.125 * q - 4.5)),
+        ];
         let slopes = if c == 0.0 {
             [0.0; MOST_BANDS]
         } else {
@@ -42,6 +49,7 @@ impl Seen {
                 1.0 - 2.5 * q,
                 (1.0 + q * (4.375 * q - 5.0)) / c,
                 1.0 + q * (7.875 * q - 7.0),
+                (1.0 + q * (q * (23.625 - 14.4375 * q) - 10.5)) / c,
             ]
         };
         Zonal { values: values.map(|z| PI * z), slopes: slopes.map(|g| 2.0 * PI * g) }
