@@ -5,7 +5,7 @@ use crate::error::check_memory;
 use crate::machine::bytes_of;
 use crate::{FormatError, write_whole};
 use relight_core::vectors::length;
-use relight_rig::{ErrorTable, Frame, Model, Quantity, Rig, RigPart, Sample, SurfacePoint};
+use relight_rig::{ErrorTable, Frame, MOST_BANDS, Model, Quantity, Rig, RigPart, Sample, SurfacePoint};
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::fs::File;
@@ -286,7 +286,10 @@ fn check(file: &RigFile) -> Result<(), String> {
         return Err(format!("the name '{}' of the rig's mesh names a folder; bake it again", mesh.name));
     }
     if !(1..=MOST_BANDS).contains(&rig.bands) {
-        return Err(format!("{} bands of harmonics where 1 to {MOST_BANDS} are known; bake the rig again", rig.bands));
+        return Err(format!(
+            "{} bands of harmonics where 1 to {MOST_BANDS} are known; bake the rig again",
+            rig.bands
+        ));
     }
     if rig.parts.is_empty() {
         return Err("the rig has no parts where it needs 1; bake it again".to_owned());

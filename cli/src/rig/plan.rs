@@ -9,22 +9,7 @@ use crate::say::say;
 use clap::Args;
 use relight_core::relighter::Picture;
 use relight_formats::{RigFile, picture_depths, read_rig, write_picture, write_whole};
-use relight_rig::{LightPlan, Plan, Source, plan};
-struct SphereTable;
-impl SphereTable {
-    fn new(_: usize) -> Self {
-        Self
-    }
-    fn of_the_paper(_: usize) -> Self {
-        Self
-    }
-    fn largest_error_grey(&self) -> f64 {
-        0.0
-    }
-    fn values(&self) -> &[f32] {
-        &[]
-    }
-} // TEMP
+use relight_rig::{LightPlan, Plan, Source, SphereTable, TableAxes, plan};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -99,7 +84,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), Failure> {
         check_writable(output)?;
     }
     let start = Instant::now();
-    let plan = plan(&moments.pictures(&file), file.rig.bands, arguments.tolerance);
+    let plan = plan(&moments.pictures(&file), file.rig.bands, arguments.tolerance, machine.level);
     let seconds = start.elapsed().as_secs_f64();
     print(&plan, &moments, &file, arguments.tolerance, seconds);
     let has_spheres = has_analytic_spheres(&plan, &moments);
@@ -149,15 +134,16 @@ fn has_analytic_spheres(plan: &Plan, moments: &Moments) -> bool {
 }
 
 fn write_table(path: &Path) -> Result<(), Failure> {
-    let table = SphereTable::new(TABLE);
-    let paper = SphereTable::of_the_paper(128);
+    let table = SphereTable::new(TableAxes::Angles, TABLE);
+    let paper = SphereTable::new(TableAxes::Cosine, 128);
+    let grey = |table: &SphereTable| digits(255.0 * table.largest_error(FINENESS));
     say!(
         "{}: {TABLE} x {TABLE}, errs by {} grey levels at most (the paper's parameters in 128 x 128: {})",
         path.display(),
-        digits(table.largest_error_grey()),
-        digits(paper.largest_error_grey())
+        grey(&table),
+        grey(&paper)
     );
-    let picture = Picture { width: TABLE, height: TABLE, channels: 1, samples: table.values().to_vec() };
+    let picture = Picture { width: TABLE, height: TABLE, channels: 1, samples: table.values };
     let depth = picture_depths(path).map_err(Failure::of_output)?[1];
     Ok(write_picture(path, &picture, depth)?)
 }

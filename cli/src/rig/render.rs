@@ -121,7 +121,8 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         if is_sequence { create_folder(folder)? } else { check_writable(folder)? }
     }
     let pictures = moments.pictures(&file);
-    let plan = (arguments.by == Way::Plan).then(|| plan(&pictures, file.rig.bands, arguments.tolerance));
+    let plan = (arguments.by == Way::Plan)
+        .then(|| plan(&pictures, file.rig.bands, arguments.tolerance, machine.level));
     let mut tally = Tally::default();
     let bar = progress::bar("rendering", moments.list.len());
     for (frame, moment) in moments.list.iter().enumerate() {

@@ -9,11 +9,10 @@
 //! Source: *Irradiance Rigs*, section 3; the scale and the envelope are MATH.md's (section 1.4).
 
 use crate::errors::Envelope;
-use crate::lighting::reflection;
-use crate::{Light, Placement, RigPart, Source, cosine_lobe};
+use crate::{Light, Pixels, Placement, RigPart, Source, cosine_lobe};
 use rayon::prelude::*;
-use relight_core::srgb_from_linear;
 use relight_core::vectors::{difference, length};
+use relight_core::{CpuLevel, srgb_from_linear};
 use std::f64::consts::PI;
 
 /// Width of the transition in radii of the frame, at least: what the rig errs by then changes more slowly than what
@@ -34,6 +33,10 @@ const STRICTNESS: std::ops::RangeInclusive<i32> = -12..=40;
 
 /// Numbers that one light's errors at all surface points take are bounded to this, all lights together.
 const MOST_ERRORS: usize = 2_000_000;
+
+/// Surface points at which errors are measured, at least and at most.
+const FEWEST_POINTS: usize = 64;
+const MOST_POINTS: usize = 256;
 
 /// A part of a rig in one picture of a sequence.
 #[derive(Clone, Copy, Debug)]
@@ -93,11 +96,16 @@ struct Rule {
 /// diffuser, 255 levels from 0 to 1.
 ///
 /// `pictures` have the lights and the placed parts of each; all have the same numbers of them.
-pub fn plan(pictures: &[(Vec<Light>, Vec<PlacedPart<'_>>)], bands: usize, tolerance_grey: f64) -> Plan {
+pub fn plan(
+    pictures: &[(Vec<Light>, Vec<PlacedPart<'_>>)],
+    bands: usize,
+    tolerance_grey: f64,
+    level: CpuLevel,
+) -> Plan {
     let tolerance = tolerance_grey / 255.0;
     let measured: Vec<Vec<Measured>> = pictures
         .iter()
-        .map(|(lights, parts)| parts.iter().map(|part| Measured::new(part, lights, bands)).collect())
+        .map(|(lights, parts)| parts.iter().map(|part| Measured::new(part, lights, bands, level)).collect())
         .collect();
     let all = || measured.iter().flatten();
     // Less is left out where the scene is so dark that it would show.
@@ -255,51 +263,34 @@ struct Measured {
 }
 
 impl Measured {
-    fn new(placed: &PlacedPart<'_>, lights: &[Light], bands: usize) -> Self {
-        let part = placed.part;
-        let points = (MOST_ERRORS / lights.len().max(1)).clamp(64, part.surface.len().max(64));
-        let step = part.surface.len().div_ceil(points).max(1);
-        let points: Vec<_> = part.surface.iter().step_by(step).collect();
-        let harmonics: Vec<(Vec<f64>, Vec<f64>)> = points
-            .iter()
-            .map(|point| {
-                let mut weights = vec![0.0; part.model.parameters().len()];
-                part.model.weights(part.frame.coordinates(point.position), &mut weights);
-                let mut reflected = vec![0.0; bands * bands];
-                reflection(placed.placement.direction(point.normal), &mut reflected);
-                (weights, reflected)
-            })
-            .collect();
-        let of_light = |light: &Light| {
-            let coefficients = part.coefficients(&[(light, 1.0)], &placed.placement, bands);
-            points
-                .iter()
-                .zip(&harmonics)
-                .map(|(point, (weights, reflected))| {
-                    let mut rig = [0.0; 3];
-                    for (weight, values) in weights.iter().zip(coefficients.chunks_exact(bands * bands)) {
-                        if *weight != 0.0 {
-                            for (reflected, value) in reflected.iter().zip(values) {
-                                rig = [0, 1, 2].map(|c| rig[c] + weight * reflected * value[c]);
-                            }
-                        }
-                    }
-                    let normal = placed.placement.direction(point.normal);
-                    let exact =
-                        light.irradiance(placed.placement.point(point.position), normal).map(|e| e / PI);
-                    (exact.map(|e| e as f32), [0, 1, 2].map(|c| (rig[c] - exact[c]) as f32))
-                })
-                .collect()
+    fn new(placed: &PlacedPart<'_>, lights: &[Light], bands: usize, level: CpuLevel) -> Self {
+        let surface = &placed.part.surface;
+        let points = (MOST_ERRORS / lights.len().max(1)).clamp(FEWEST_POINTS, MOST_POINTS);
+        let mut pixels = Pixels::default();
+        for point in surface.iter().step_by(surface.len().div_ceil(points).max(1)) {
+            pixels.push(placed, point.position, point.normal);
+        }
+        // As pictures are drawn, each light alone.
+        let of_light = |light: &Light| -> Vec<([f32; 3], [f32; 3])> {
+            let light = std::slice::from_ref(light);
+            let exact = pixels.by_brute_force(placed, light, level);
+            let rig = pixels.by_rig(placed, light, bands, level);
+            let of_point = |point: usize| {
+                let exact = [0, 1, 2].map(|c| exact[c][point]);
+                (exact, [0, 1, 2].map(|c| rig[c][point] - exact[c]))
+            };
+            (0..pixels.len()).map(of_point).collect()
         };
-        let of_lights: Vec<Vec<([f32; 3], [f32; 3])>> = lights.par_iter().map(of_light).collect();
-        let exact = (0..points.len()).map(|point| {
-            of_lights
-                .iter()
-                .fold([0.0; 3], |sum, errors| [0, 1, 2].map(|c| sum[c] + f64::from(errors[point].0[c])))
+        let of_lights: Vec<_> = lights.par_iter().map(of_light).collect();
+        let exact = (0..pixels.len()).map(|point| {
+            let add = |sum: [f64; 3], of_light: &Vec<([f32; 3], [f32; 3])>| {
+                [0, 1, 2].map(|c| sum[c] + f64::from(of_light[point].0[c]))
+            };
+            of_lights.iter().fold([0.0; 3], add)
         });
         Self {
             situations: lights.iter().map(|light| Situation::new(light, placed, bands)).collect(),
-            envelope: Envelope::new(&part.errors),
+            envelope: Envelope::new(&placed.part.errors),
             exact: exact.collect(),
             lights: of_lights,
         }

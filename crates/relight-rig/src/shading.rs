@@ -1,13 +1,9 @@
 //! Rigs at every pixel: many points at once, in f32.
 
+use crate::light::lanes::{LANES, Lanes, RECURSION};
 use crate::{AxisFunction, MOST_BANDS, RigPart, cosine_lobe};
 use relight_core::{CpuLevel, Vectorized};
 use std::f64::consts::PI;
-
-/// Points that go through the functions together.
-const LANES: usize = 16;
-
-type Lanes = [f32; LANES];
 
 /// A part's vectors, ready to be evaluated at many points.
 #[derive(Clone, Debug)]
@@ -65,39 +61,13 @@ impl ShadedRig {
             lengths.chain(rows.out.iter().map(|row| row.len())).all(|len| len == count),
             "rows of one length"
         );
-        level.run(Adding { rig: self, rows, recursion: &Recursion::new(self.bands) });
-    }
-}
-
-/// Factors of the recursion of [`relight_core::basis::evaluate_sh`], by m, then l.
-struct Recursion {
-    sectoral: Vec<f32>,
-    steps: Vec<Vec<(f32, f32)>>,
-}
-
-impl Recursion {
-    fn new(bands: usize) -> Self {
-        let mut sectoral = vec![(1.0 / (4.0 * PI)).sqrt()];
-        for m in 1..bands {
-            sectoral.push(-sectoral[m - 1] * ((2 * m + 1) as f64 / (2 * m) as f64).sqrt());
-        }
-        let step = |m: usize, l: usize| {
-            let (mm, l1, l0) = ((m * m) as f64, ((l + 1) * (l + 1)) as f64, (l * l) as f64);
-            let a = ((4.0 * l1 - 1.0) / (l1 - mm)).sqrt();
-            let b = if l == m { 0.0 } else { ((l0 - mm) / (4.0 * l0 - 1.0)).sqrt() };
-            (a as f32, b as f32)
-        };
-        Self {
-            sectoral: sectoral.into_iter().map(|p| p as f32).collect(),
-            steps: (0..bands).map(|m| (m..bands).map(|l| step(m, l)).collect()).collect(),
-        }
+        level.run(Adding { rig: self, rows });
     }
 }
 
 struct Adding<'a> {
     rig: &'a ShadedRig,
     rows: RigRows<'a>,
-    recursion: &'a Recursion,
 }
 
 impl Vectorized for Adding<'_> {
@@ -105,8 +75,9 @@ impl Vectorized for Adding<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { rig, mut rows, recursion } = self;
+        let Self { rig, mut rows } = self;
         let functions = rig.bands * rig.bands;
+        let mut harmonics = [[0.0; LANES]; MOST_BANDS * MOST_BANDS];
         let mut of_axes: [Vec<Lanes>; 3] =
             rig.functions.each_ref().map(|list| vec![[0.0; LANES]; list.len()]);
         for first in (0..rows.out[0].len()).step_by(LANES) {
@@ -116,7 +87,7 @@ impl Vectorized for Adding<'_> {
                 lane[..lanes].copy_from_slice(&row[first..first + lanes]);
                 lane
             };
-            let harmonics = harmonics(recursion, rows.normals.map(load));
+            RECURSION.evaluate(rig.bands, &rows.normals.map(load), &mut harmonics);
             let coordinates = rows.coordinates.map(load);
             for axis in 0..3 {
                 for (function, values) in rig.functions[axis].iter().zip(&mut of_axes[axis]) {
@@ -174,36 +145,6 @@ fn values_of(function: AxisFunction, coordinate: &Lanes) -> Lanes {
         }
     }
     values
-}
-
-/// Y_lm of unit vectors, by l * l + l + m; those of bands that the recursion has not are 0.
-#[inline(always)]
-fn harmonics(recursion: &Recursion, [x, y, z]: [Lanes; 3]) -> [Lanes; MOST_BANDS * MOST_BANDS] {
-    let mut out = [[0.0; LANES]; MOST_BANDS * MOST_BANDS];
-    let (mut cos_m, mut sin_m) = ([std::f32::consts::SQRT_2; LANES], [0.0; LANES]);
-    for (m, (&sectoral, steps)) in recursion.sectoral.iter().zip(&recursion.steps).enumerate() {
-        let (mut before, mut current) = ([0.0; LANES], [sectoral; LANES]);
-        for (l, &(a, b)) in (m..).zip(steps) {
-            let at = l * l + l;
-            for i in 0..LANES {
-                if m == 0 {
-                    out[at][i] = current[i];
-                } else {
-                    out[at + m][i] = current[i] * cos_m[i];
-                    out[at - m][i] = current[i] * sin_m[i];
-                }
-                let next = a * (z[i] * current[i] - b * before[i]);
-                before[i] = current[i];
-                current[i] = next;
-            }
-        }
-        for i in 0..LANES {
-            let (c, s) = (cos_m[i], sin_m[i]);
-            cos_m[i] = x[i] * c - y[i] * s;
-            sin_m[i] = y[i] * c + x[i] * s;
-        }
-    }
-    out
 }
 
 #[cfg(test)]

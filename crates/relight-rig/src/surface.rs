@@ -130,15 +130,8 @@ fn relaxed(candidates: &[SurfacePoint], count: usize) -> Vec<usize> {
     }
     let mut chosen = far_apart(candidates, count);
     for _ in 0..STEPS {
-        let places: Vec<[f64; 3]> = chosen.iter().map(|&i| candidates[i].position).collect();
-        let nearest_of = |point: &SurfacePoint| {
-            let squares = places.iter().map(|&place| square(place, point.position));
-            squares
-                .enumerate()
-                .fold((0, f64::INFINITY), |best, (i, s)| if s < best.1 { (i, s) } else { best })
-                .0
-        };
-        let cells: Vec<usize> = candidates.par_iter().map(nearest_of).collect();
+        let places = Places::new(chosen.iter().map(|&i| candidates[i].position));
+        let cells: Vec<usize> = candidates.par_iter().map(|point| places.nearest(point.position)).collect();
         let mut sums = vec![([0.0; 3], 0usize); count];
         for (point, &cell) in candidates.iter().zip(&cells) {
             let (sum, points) = &mut sums[cell];
@@ -164,6 +157,47 @@ fn relaxed(candidates: &[SurfacePoint], count: usize) -> Vec<usize> {
         chosen = moved;
     }
     chosen
+}
+
+/// Places among which the nearest is looked for, [`LANES`] side by side.
+struct Places {
+    axes: [Vec<[f64; LANES]>; 3],
+}
+
+/// Places that are compared at once.
+const LANES: usize = 8;
+
+impl Places {
+    fn new(places: impl Iterator<Item = [f64; 3]>) -> Self {
+        let mut axes: [Vec<[f64; LANES]>; 3] = Default::default();
+        for (i, place) in places.enumerate() {
+            for (axis, coordinate) in axes.iter_mut().zip(place) {
+                if i % LANES == 0 {
+                    // Lanes without a place are nowhere near.
+                    axis.push([f64::INFINITY; LANES]);
+                }
+                axis[i / LANES][i % LANES] = coordinate;
+            }
+        }
+        Self { axes }
+    }
+
+    /// The index of the place nearest to `point`, the first of several.
+    fn nearest(&self, point: [f64; 3]) -> usize {
+        let (mut least, mut at) = ([f64::INFINITY; LANES], [0usize; LANES]);
+        let [x, y, z] = &self.axes;
+        for (row, ((x, y), z)) in x.iter().zip(y).zip(z).enumerate() {
+            for i in 0..LANES {
+                let d = [x[i] - point[0], y[i] - point[1], z[i] - point[2]];
+                let square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                let nearer = square < least[i];
+                least[i] = if nearer { square } else { least[i] };
+                at[i] = if nearer { row } else { at[i] };
+            }
+        }
+        let places = (0..LANES).map(|i| (least[i], LANES * at[i] + i));
+        places.fold((f64::INFINITY, 0), |best, place| if place < best { place } else { best }).1
+    }
 }
 
 /// Indices of `count` candidates, each the farthest from those before it.

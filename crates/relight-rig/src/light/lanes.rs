@@ -5,10 +5,10 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use std::sync::LazyLock;
 
 /// Values that go through a function together.
-pub(super) const LANES: usize = 16;
+pub(crate) const LANES: usize = 16;
 
 /// [`LANES`] values.
-pub(super) type Lanes = [f32; LANES];
+pub(crate) type Lanes = [f32; LANES];
 
 /// `expression` for each lane `i`.
 macro_rules! lanes {
@@ -76,7 +76,7 @@ pub(super) const MOST_LANE_BANDS: usize = 11;
 /// Factors of the recursion that gives Y_lm; `relight_core::basis::evaluate_sh` is the same in f64.
 ///
 /// Source: MATH.md section 1.1, stable form.
-pub(super) struct Recursion {
+pub(crate) struct Recursion {
     /// Legendre's P_m^m, by m; sqrt(2) of m > 0 included.
     sectoral: [f32; MOST_LANE_BANDS],
     /// (a, a b) of the step from l to l + 1, by m, then l.
@@ -84,7 +84,7 @@ pub(super) struct Recursion {
 }
 
 /// The factors, in f64 until they are rounded.
-pub(super) static RECURSION: LazyLock<Recursion> = LazyLock::new(|| {
+pub(crate) static RECURSION: LazyLock<Recursion> = LazyLock::new(|| {
     let mut recursion = Recursion {
         sectoral: [0.0; MOST_LANE_BANDS],
         steps: [[(0.0, 0.0); MOST_LANE_BANDS]; MOST_LANE_BANDS],
@@ -107,7 +107,7 @@ pub(super) static RECURSION: LazyLock<Recursion> = LazyLock::new(|| {
 impl Recursion {
     /// Writes Y_lm of unit vectors to `out[l * l + l + m]` for `bands` bands.
     #[inline(always)]
-    pub(super) fn evaluate(&self, bands: usize, [x, y, z]: &[Lanes; 3], out: &mut [Lanes]) {
+    pub(crate) fn evaluate(&self, bands: usize, [x, y, z]: &[Lanes; 3], out: &mut [Lanes]) {
         let (mut cos_m, mut sin_m) = ([1.0f32; LANES], [0.0f32; LANES]);
         for m in 0..bands {
             let (mut before, mut current) = ([0.0f32; LANES], [self.sectoral[m]; LANES]);

@@ -7,7 +7,7 @@ mod disc;
 mod disc_harmonics;
 mod disc_nodes;
 mod harmonics;
-mod lanes;
+pub(crate) mod lanes;
 mod projector;
 mod quadrature;
 mod reflectance;
