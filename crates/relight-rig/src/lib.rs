@@ -8,11 +8,13 @@
 //! Source: Yuan, Nowrouzezahrai, Sloan, *Irradiance Rigs*; stable forms and corrections of MATH.md section 1.4.
 //! Positions are in the units of the mesh, radiance in that of the scene: a white diffuser that reflects 1 is white.
 
+pub mod convention;
 mod error;
 mod light;
 mod model;
 mod placement;
 mod rig;
+mod zh3;
 
 pub use error::RigError;
 pub use light::{Light, Probe, Source};
