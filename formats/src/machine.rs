@@ -1,6 +1,7 @@
 //! Facts about the machine and its folders.
 
 use crate::FormatError;
+use crate::error::check_memory;
 use std::path::{Path, PathBuf};
 
 /// Bytes of memory that this process may use: the machine's, or its container's limit when lower.
@@ -44,6 +45,17 @@ pub fn read_text(path: &Path) -> Result<String, FormatError> {
         return Err(FormatError::invalid(path, "is larger than 1 MiB, so hardly a job or camera file"));
     }
     String::from_utf8(bytes).map_err(|_| FormatError::invalid(path, "is not UTF-8 text; save it as UTF-8"))
+}
+
+/// A whole file of at most `limit` bytes.
+pub(crate) fn bytes_of(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
+    use std::io::Read;
+    let mut bytes = Vec::new();
+    let file = std::fs::File::open(path).map_err(|source| FormatError::io(path, "open", source))?;
+    let read = file.take(limit.saturating_add(1)).read_to_end(&mut bytes);
+    read.map_err(|source| FormatError::io(path, "read", source))?;
+    check_memory(bytes.len() as u64, limit, path)?;
+    Ok(bytes)
 }
 
 /// The line, 1 the first, that holds byte `at` of `text`.

@@ -9,9 +9,8 @@ mod obj;
 
 use crate::FormatError;
 use crate::error::check_memory;
+use crate::machine::bytes_of;
 use relight_surface::{Mesh, SurfaceError};
-use std::fs::File;
-use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -42,14 +41,4 @@ pub fn read_mesh(path: &Path, memory_limit: u64) -> Result<Mesh, FormatError> {
 
 fn of_surface(path: &Path, error: &SurfaceError) -> FormatError {
     FormatError::invalid(path, error.to_string())
-}
-
-/// A whole file of at most `limit` bytes.
-fn bytes_of(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
-    let mut bytes = Vec::new();
-    let file = File::open(path).map_err(|source| FormatError::io(path, "open", source))?;
-    let read = file.take(limit.saturating_add(1)).read_to_end(&mut bytes);
-    read.map_err(|source| FormatError::io(path, "read", source))?;
-    check_memory(bytes.len() as u64, limit, path)?;
-    Ok(bytes)
 }
