@@ -151,9 +151,9 @@ fn harmonic(i: usize) -> Option<(f64, &'static str)> {
 
 fn write_parameter(source: &mut Source, bands: usize) {
     source.comment("Irradiance / pi of one vector of harmonics.");
-    let parameters = [Parameter::value("vector", Type::Int), Parameter::value("n", Type::Float3)];
+    let parameters = [Parameter::value("which", Type::Int), Parameter::value("n", Type::Float3)];
     source.function(Type::Float3, "relight_of_vector", &parameters, |source| {
-        source.value(Type::Int, "at", "vector * RELIGHT_FUNCTIONS");
+        source.value(Type::Int, "at", "which * RELIGHT_FUNCTIONS");
         for (i, (factor, polynomial)) in
             (0..bands * bands).filter_map(|i| harmonic(i).map(|harmonic| (i, harmonic)))
         {
