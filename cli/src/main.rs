@@ -27,6 +27,7 @@ mod positions;
 mod preview;
 mod progress;
 mod render;
+mod rig;
 mod say;
 mod shader;
 mod sweep;
@@ -58,6 +59,8 @@ enum Command {
     Render(render::RenderArguments),
     /// Look into a relit panorama, or at a mesh with a relit texture
     View(view::ViewArguments),
+    /// Light moving meshes to match: irradiance rigs
+    Rig(Box<rig::RigArguments>),
     /// Compare an asset with photographs, light by light
     Evaluate(evaluate::EvaluateArguments),
     /// Examine a capture before baking it: coverage, duplicates, exposure, usable bases
@@ -98,6 +101,7 @@ fn main() -> ExitCode {
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::View(arguments) => view::run(&arguments),
+        Command::Rig(arguments) => rig::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Lights(arguments) => lights::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),

@@ -71,14 +71,14 @@ enum FilterChoice {
 }
 
 /// Numbers separated by commas.
-fn three_of(text: &str) -> Result<[f64; 3], String> {
+pub(crate) fn three_of(text: &str) -> Result<[f64; 3], String> {
     let numbers = text.split(',').map(|part| part.trim().parse::<f64>().ok().filter(|n| n.is_finite()));
     let numbers: Option<Vec<f64>> = numbers.collect();
     let three = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
     three.ok_or_else(|| format!("'{text}' is not three numbers such as 30,-10,60"))
 }
 
-fn color_of(text: &str) -> Result<[f32; 3], String> {
+pub(crate) fn color_of(text: &str) -> Result<[f32; 3], String> {
     let color = three_of(text)?.map(|c| c as f32);
     if color.iter().all(|c| (0.0..=1e6).contains(c)) {
         return Ok(color);
@@ -86,7 +86,7 @@ fn color_of(text: &str) -> Result<[f32; 3], String> {
     Err(format!("'{text}' has a component outside 0..1e6"))
 }
 
-fn size_of(text: &str) -> Result<(usize, usize), String> {
+pub(crate) fn size_of(text: &str) -> Result<(usize, usize), String> {
     let side = |text: &str| text.parse().ok().filter(|side| (1..=LARGEST_SIDE).contains(side));
     let sides = text.split_once('x').and_then(|(width, height)| Some((side(width)?, side(height)?)));
     sides.ok_or_else(|| format!("'{text}' is not a size within 1..{LARGEST_SIDE} such as 800x600"))

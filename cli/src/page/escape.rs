@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 /// `text` within HTML or SVG, between tags or in an attribute of double quotes.
-pub(super) fn html(text: &str) -> String {
+pub(crate) fn html(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {
         match character {
@@ -19,7 +19,7 @@ pub(super) fn html(text: &str) -> String {
 }
 
 /// `value` within a script element: nothing in it can end the element or begin a comment there.
-pub(super) fn json(value: &Value) -> String {
+pub(crate) fn json(value: &Value) -> String {
     // All of these stand in strings of JSON only, where their escapes mean the same.
     value.to_string().replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
 }

@@ -15,6 +15,7 @@ use crate::budget::Budget;
 use crate::failure::Failure;
 use crate::options::Machine;
 use error_budget::budget_json;
+pub(crate) use escape::html;
 use pictures::{Likeness, page_pictures};
 use planes::page_planes;
 use plot::{Cost, Point, plot};
@@ -25,6 +26,7 @@ use relight_formats::{OpenCapture, read_asset, write_whole};
 use relight_lights::{Horizon, HorizonRule};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+pub(crate) use ticks::Axis;
 
 /// The page without its contents.
 const SKELETON: &str = include_str!("page.html");

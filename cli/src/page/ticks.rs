@@ -2,15 +2,15 @@
 
 /// A range of values and how it is laid out.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Axis {
+pub(crate) struct Axis {
     /// The value at the beginning of the axis.
-    pub(super) least: f64,
+    pub(crate) least: f64,
     /// The value at its end, above `least`.
-    pub(super) most: f64,
+    pub(crate) most: f64,
     /// Whether equal lengths are equal ratios.
-    pub(super) logarithmic: bool,
+    pub(crate) logarithmic: bool,
     /// Values between them with their labels, rising.
-    pub(super) ticks: Vec<(f64, String)>,
+    pub(crate) ticks: Vec<(f64, String)>,
 }
 
 /// Ratio of largest to least value from which an axis is logarithmic: below it, the least still has a tenth of the length.
@@ -22,7 +22,7 @@ const STEPS: f64 = 5.0;
 impl Axis {
     /// An axis that holds all `values` with a margin; with `may_be_logarithmic`, ratios decide where values are positive and
     /// far apart.
-    pub(super) fn of(values: &[f64], may_be_logarithmic: bool) -> Self {
+    pub(crate) fn of(values: &[f64], may_be_logarithmic: bool) -> Self {
         let finite = || values.iter().copied().filter(|value| value.is_finite());
         let (least, most) =
             finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
@@ -59,7 +59,7 @@ impl Axis {
     }
 
     /// Where `value` lies: 0 at the beginning, 1 at the end.
-    pub(super) fn place(&self, value: f64) -> f64 {
+    pub(crate) fn place(&self, value: f64) -> f64 {
         match self.logarithmic {
             true => libm::log(value / self.least) / libm::log(self.most / self.least),
             false => (value - self.least) / (self.most - self.least),

@@ -8,16 +8,36 @@
 //! Source: Yuan, Nowrouzezahrai, Sloan, *Irradiance Rigs*; stable forms and corrections of MATH.md section 1.4.
 //! Positions are in the units of the mesh, radiance in that of the scene: a white diffuser that reflects 1 is white.
 
+mod auto;
 pub mod convention;
 mod error;
+mod errors;
+mod fit;
 mod light;
+mod lighting;
 mod model;
+mod operator;
+mod pixels;
 mod placement;
+mod plan;
 mod rig;
+mod shading;
+mod surface;
+mod temporary;
 mod zh3;
 
+pub use auto::{Choice, LightFamily, cheapest};
 pub use error::RigError;
-pub use light::{Light, Probe, Source};
+pub use errors::{DISTANCES, Envelope, directions, error_table};
+pub use fit::{Fitting, Ground, SAMPLES};
+pub use light::{Light, MOST_BANDS, Probe, Source, cosine_lobe};
+pub use lighting::reflection;
 pub use model::{AxisFunction, MODELS, MOST_PARAMETERS, Model, ModelFamily};
+pub use operator::least_squares;
+pub use pixels::{Pixels, Reflected};
 pub use placement::Placement;
+pub use plan::{LightPlan, PicturePlan, PlacedPart, Plan, plan, planned};
 pub use rig::{ErrorTable, Frame, Quantity, Rig, RigPart, Sample, SurfacePoint};
+pub use shading::{RigRows, ShadedRig};
+pub use surface::Surface;
+pub use temporary::*;

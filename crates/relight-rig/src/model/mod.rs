@@ -14,7 +14,7 @@ use crate::RigError;
 pub const MOST_PARAMETERS: usize = 512;
 
 /// A function of one coordinate, -1 to 1 over the mesh.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AxisFunction {
     /// 1.
     One,

@@ -1,0 +1,345 @@
+//! Which light goes through the rig, which is evaluated at every point, and which not at all.
+//!
+//! Every part of a rig has its own answer for every light, from its error table: what the rig would get wrong scales with a
+//! light's radiance x (its radius / the part's)^2. Errors of lights meet at points of the surface and are seen in a picture, so
+//! one number for a whole sequence, the strictness, makes up for both: it multiplies all tabulated errors and is the
+//! least with which the plan, measured at points of the surface in encoded grey levels, keeps the tolerance in every picture.
+//! Weights depend on it, on a light's own distance and on its strength alone, all of which change smoothly, so nothing pops.
+//!
+//! Source: *Irradiance Rigs*, section 3; the scale and the envelope are MATH.md's (section 1.4).
+
+use crate::errors::Envelope;
+use crate::lighting::reflection;
+use crate::{Light, Placement, RigPart, Source, cosine_lobe};
+use rayon::prelude::*;
+use relight_core::srgb_from_linear;
+use relight_core::vectors::{difference, length};
+use std::f64::consts::PI;
+
+/// Width of the transition in radii of the frame, at least: what the rig errs by then changes more slowly than what
+/// the light itself does.
+const TRANSITION_RADII: f64 = 2.0;
+
+/// Width of the transition against the distance at which it begins, at least.
+const TRANSITION_SHARE: f64 = 0.25;
+
+/// Part of the tolerance that is used: between the points at which errors are measured they are a little larger.
+const MARGIN: f64 = 0.8;
+
+/// Part of the tolerance that lights left out may take together.
+const DROPPED_SHARE: f64 = 0.5;
+
+/// Strictnesses that are tried, as powers of the square root of 2.
+const STRICTNESS: std::ops::RangeInclusive<i32> = -12..=40;
+
+/// Numbers that one light's errors at all surface points take are bounded to this, all lights together.
+const MOST_ERRORS: usize = 2_000_000;
+
+/// A part of a rig in one picture of a sequence.
+#[derive(Clone, Copy, Debug)]
+pub struct PlacedPart<'a> {
+    /// The part.
+    pub part: &'a RigPart,
+    /// Where it stands.
+    pub placement: Placement,
+}
+
+/// What becomes of a light for a part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightPlan {
+    /// How much of it is evaluated at every point: 1 all, 0 nothing; between them in transition. The rest goes through
+    /// the rig.
+    pub analytic: f64,
+    /// Whether it is left out.
+    pub dropped: bool,
+    /// Distance from the frame's middle in its radii; infinite for lights from afar.
+    pub distance: f64,
+    /// Distance within which all of it is evaluated, in radii.
+    pub near: f64,
+    /// Distance beyond which all of it goes through the rig, in radii.
+    pub far: f64,
+}
+
+/// The plan of one picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PicturePlan {
+    /// By part, then light.
+    pub parts: Vec<Vec<LightPlan>>,
+    /// Largest error that was measured, in grey levels of an sRGB-encoded picture.
+    pub error_grey: f64,
+}
+
+/// The plan of a sequence.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// What tabulated errors were multiplied by.
+    pub strictness: f64,
+    /// Reflected radiance that lights left out may have together.
+    pub dropped_limit: f64,
+    /// By picture.
+    pub pictures: Vec<PicturePlan>,
+}
+
+/// What a plan is decided by: all that a light's weights depend on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Rule {
+    /// Allowed error in reflected radiance, strictness included.
+    error: f64,
+    /// Reflected radiance that dropped lights may have together.
+    dropped: f64,
+}
+
+/// Plans a sequence so that no picture errs by more than `tolerance_grey` levels of an sRGB-encoded picture of a white
+/// diffuser, 255 levels from 0 to 1.
+///
+/// `pictures` have the lights and the placed parts of each; all have the same numbers of them.
+pub fn plan(pictures: &[(Vec<Light>, Vec<PlacedPart<'_>>)], bands: usize, tolerance_grey: f64) -> Plan {
+    let tolerance = tolerance_grey / 255.0;
+    let measured: Vec<Vec<Measured>> = pictures
+        .iter()
+        .map(|(lights, parts)| parts.iter().map(|part| Measured::new(part, lights, bands)).collect())
+        .collect();
+    let all = || measured.iter().flatten();
+    // Less is left out where the scene is so dark that it would show.
+    let limits = [1.0, 0.25, 1.0 / 16.0, 1.0 / 64.0].map(|share| share * DROPPED_SHARE * tolerance);
+    let is_unseen =
+        |limit: &f64| all().all(|part| part.dropped_error(*limit) <= DROPPED_SHARE * tolerance_grey);
+    let dropped = limits.into_iter().find(is_unseen).unwrap_or(0.0);
+    let error_with = |strictness: f64| {
+        let rule = Rule { error: tolerance / strictness, dropped };
+        measured.par_iter().flatten().map(|part| part.error(&rule)).reduce(|| 0.0, f64::max)
+    };
+    let allowed = MARGIN * tolerance_grey;
+    let power = |half_steps: f64| libm::exp2(0.5 * half_steps);
+    // From strict to lenient, as long as the tolerance is kept: errors of lights cancel here and there, so a lenient value
+    // that keeps it below one that does not is luck.
+    let strictest = f64::from(*STRICTNESS.end());
+    let kept = STRICTNESS.rev().map(f64::from).take_while(|&step| error_with(power(step)) <= allowed).last();
+    let mut strict = kept.unwrap_or(strictest);
+    if strict > f64::from(*STRICTNESS.start()) && kept.is_some() {
+        let mut lenient = strict - 1.0;
+        for _ in 0..4 {
+            let middle = 0.5 * (strict + lenient);
+            if error_with(power(middle)) <= allowed { strict = middle } else { lenient = middle }
+        }
+    }
+    let strictness = power(strict);
+    let rule = Rule { error: tolerance / strictness, dropped };
+    let pictures = measured.iter().map(|parts| PicturePlan {
+        parts: parts.iter().map(|part| part.lights(&rule)).collect(),
+        error_grey: parts.iter().map(|part| part.error(&rule)).fold(0.0, f64::max),
+    });
+    Plan { strictness, dropped_limit: dropped, pictures: pictures.collect() }
+}
+
+/// What a plan says of other pictures of the same sequence: nothing is measured.
+pub fn planned(
+    plan: &Plan,
+    lights: &[Light],
+    part: &PlacedPart<'_>,
+    bands: usize,
+    tolerance_grey: f64,
+) -> Vec<LightPlan> {
+    let rule = Rule { error: tolerance_grey / 255.0 / plan.strictness, dropped: plan.dropped_limit };
+    let situations: Vec<_> = lights.iter().map(|light| Situation::new(light, part, bands)).collect();
+    decide(&situations, &rule, Envelope::new(&part.part.errors).as_ref())
+}
+
+/// Where a light stands to a part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Situation {
+    /// From the frame's middle in radii; infinite for lights from afar.
+    distance: f64,
+    /// Radiance x (radius of the light / of the frame)^2, in the largest channel; for lights from afar, their error.
+    strength: f64,
+    /// Whether it may reach into the sphere around the part.
+    is_within: bool,
+    /// A bound on the reflected radiance that it causes.
+    effect: f64,
+}
+
+impl Situation {
+    fn new(light: &Light, placed: &PlacedPart<'_>, bands: usize) -> Self {
+        let frame = &placed.part.frame;
+        let centre = placed.placement.point(frame.centre);
+        let color = light.color.iter().fold(0.0f64, |most, &c| most.max(c));
+        let local = |place: [f64; 3], strength: f64, size: f64| {
+            let distance = length(difference(place, centre)) / frame.radius;
+            (distance, strength, distance <= 1.0 + size)
+        };
+        let (distance, strength, is_within) = match &light.source {
+            Source::Sphere { centre, radius } | Source::Disc { centre, radius, .. } => {
+                let size = radius / frame.radius;
+                local(*centre, color * size * size, size)
+            }
+            // Radiant intensity is radiance x pi x radius^2.
+            Source::Point { position, nearest } => {
+                local(*position, color / (PI * frame.radius * frame.radius), nearest / frame.radius)
+            }
+            Source::Directional { .. } => (f64::INFINITY, color / PI * truncation(bands), false),
+            Source::Probe(probe) => {
+                let cut = probe.coefficients.iter().enumerate().skip(bands * bands).map(|(i, values)| {
+                    let l = i.isqrt();
+                    let lobe = cosine_lobe(l).abs() / PI;
+                    let most =
+                        values.iter().zip(light.color).fold(0.0f64, |most, (v, c)| most.max((v * c).abs()));
+                    lobe * most * ((2 * l + 1) as f64 / (4.0 * PI)).sqrt()
+                });
+                (f64::INFINITY, cut.sum(), false)
+            }
+        };
+        Self { distance, strength, is_within, effect: light.largest_reflectance(centre, frame.radius) }
+    }
+}
+
+/// The largest error of a directional light's irradiance in so many bands, for irradiance 1 at normal incidence.
+fn truncation(bands: usize) -> f64 {
+    let legendre = |x: f64| {
+        [
+            1.0,
+            x,
+            0.5 * (3.0 * x * x - 1.0),
+            0.5 * x * (5.0 * x * x - 3.0),
+            0.125 * (x * x * (35.0 * x * x - 30.0) + 3.0),
+        ]
+    };
+    let error = |i: i32| {
+        let x = 0.01 * f64::from(i);
+        let terms = legendre(x).into_iter().enumerate().take(bands);
+        let sum: f64 = terms.map(|(l, p)| cosine_lobe(l) * (2 * l + 1) as f64 / (4.0 * PI) * p).sum();
+        (sum - x.max(0.0)).abs()
+    };
+    (-100..=100).map(error).fold(0.0, f64::max)
+}
+
+fn decide(situations: &[Situation], rule: &Rule, envelope: Option<&Envelope>) -> Vec<LightPlan> {
+    let mut plans: Vec<LightPlan> =
+        situations.iter().map(|situation| planned_light(situation, rule, envelope)).collect();
+    let mut order: Vec<usize> = (0..situations.len()).collect();
+    order.sort_by(|&a, &b| situations[a].effect.total_cmp(&situations[b].effect));
+    let mut left_out = 0.0;
+    for light in order {
+        left_out += situations[light].effect;
+        if left_out > rule.dropped && situations[light].effect > 0.0 {
+            break;
+        }
+        plans[light] = LightPlan { analytic: 0.0, dropped: true, ..plans[light] };
+    }
+    plans
+}
+
+fn planned_light(situation: &Situation, rule: &Rule, envelope: Option<&Envelope>) -> LightPlan {
+    let &Situation { distance, strength, is_within, .. } = situation;
+    if distance.is_infinite() {
+        // No distance to change over: over half of the tolerance instead.
+        let analytic = (2.0 * strength / rule.error - 1.0).clamp(0.0, 1.0);
+        return LightPlan { analytic, dropped: false, distance, near: 0.0, far: 0.0 };
+    }
+    let near = envelope.map_or(f64::INFINITY, |envelope| envelope.distance(strength, rule.error));
+    let far = (near + TRANSITION_RADII).max(near * (1.0 + TRANSITION_SHARE));
+    let analytic = match distance {
+        _ if is_within || !far.is_finite() => 1.0,
+        d => ((far - d) / (far - near)).clamp(0.0, 1.0),
+    };
+    LightPlan { analytic, dropped: false, distance, near, far }
+}
+
+/// What all lights do at points of a part in one picture.
+struct Measured {
+    situations: Vec<Situation>,
+    envelope: Option<Envelope>,
+    /// By surface point: the sum of all lights' reflected radiance.
+    exact: Vec<[f64; 3]>,
+    /// By light, then surface point: reflected radiance, and what the rig errs by.
+    lights: Vec<Vec<([f32; 3], [f32; 3])>>,
+}
+
+impl Measured {
+    fn new(placed: &PlacedPart<'_>, lights: &[Light], bands: usize) -> Self {
+        let part = placed.part;
+        let points = (MOST_ERRORS / lights.len().max(1)).clamp(64, part.surface.len().max(64));
+        let step = part.surface.len().div_ceil(points).max(1);
+        let points: Vec<_> = part.surface.iter().step_by(step).collect();
+        let harmonics: Vec<(Vec<f64>, Vec<f64>)> = points
+            .iter()
+            .map(|point| {
+                let mut weights = vec![0.0; part.model.parameters().len()];
+                part.model.weights(part.frame.coordinates(point.position), &mut weights);
+                let mut reflected = vec![0.0; bands * bands];
+                reflection(placed.placement.direction(point.normal), &mut reflected);
+                (weights, reflected)
+            })
+            .collect();
+        let of_light = |light: &Light| {
+            let coefficients = part.coefficients(&[(light, 1.0)], &placed.placement, bands);
+            points
+                .iter()
+                .zip(&harmonics)
+                .map(|(point, (weights, reflected))| {
+                    let mut rig = [0.0; 3];
+                    for (weight, values) in weights.iter().zip(coefficients.chunks_exact(bands * bands)) {
+                        if *weight != 0.0 {
+                            for (reflected, value) in reflected.iter().zip(values) {
+                                rig = [0, 1, 2].map(|c| rig[c] + weight * reflected * value[c]);
+                            }
+                        }
+                    }
+                    let normal = placed.placement.direction(point.normal);
+                    let exact =
+                        light.irradiance(placed.placement.point(point.position), normal).map(|e| e / PI);
+                    (exact.map(|e| e as f32), [0, 1, 2].map(|c| (rig[c] - exact[c]) as f32))
+                })
+                .collect()
+        };
+        let of_lights: Vec<Vec<([f32; 3], [f32; 3])>> = lights.par_iter().map(of_light).collect();
+        let exact = (0..points.len()).map(|point| {
+            of_lights
+                .iter()
+                .fold([0.0; 3], |sum, errors| [0, 1, 2].map(|c| sum[c] + f64::from(errors[point].0[c])))
+        });
+        Self {
+            situations: lights.iter().map(|light| Situation::new(light, placed, bands)).collect(),
+            envelope: Envelope::new(&part.errors),
+            exact: exact.collect(),
+            lights: of_lights,
+        }
+    }
+
+    fn lights(&self, rule: &Rule) -> Vec<LightPlan> {
+        decide(&self.situations, rule, self.envelope.as_ref())
+    }
+
+    /// The largest error under a rule, in encoded grey levels.
+    fn error(&self, rule: &Rule) -> f64 {
+        let plans = self.lights(rule);
+        self.largest_error(|light| {
+            let plan = &plans[light];
+            if plan.dropped { (-1.0, 0.0) } else { (0.0, 1.0 - plan.analytic) }
+        })
+    }
+
+    /// What leaving out lights up to a limit does alone.
+    fn dropped_error(&self, limit: f64) -> f64 {
+        let plans = self.lights(&Rule { error: f64::INFINITY, dropped: limit });
+        self.largest_error(|light| (if plans[light].dropped { -1.0 } else { 0.0 }, 0.0))
+    }
+
+    /// The largest error in grey levels where each light's reflected radiance and error count as often as `factors` says.
+    fn largest_error(&self, factors: impl Fn(usize) -> (f64, f64)) -> f64 {
+        let mut sums = vec![[0.0f64; 3]; self.exact.len()];
+        for (light, errors) in self.lights.iter().enumerate() {
+            let (whole, rig) = factors(light);
+            if (whole, rig) == (0.0, 0.0) {
+                continue;
+            }
+            for (sum, (exact, error)) in sums.iter_mut().zip(errors) {
+                *sum = [0, 1, 2].map(|c| sum[c] + whole * f64::from(exact[c]) + rig * f64::from(error[c]));
+            }
+        }
+        let encoded = |linear: f64| f64::from(srgb_from_linear(linear.clamp(0.0, 1.0) as f32));
+        let differences = self.exact.iter().zip(&sums).flat_map(|(exact, error)| {
+            [0, 1, 2].map(|c| 255.0 * (encoded(exact[c] + error[c]) - encoded(exact[c])).abs())
+        });
+        differences.fold(0.0, f64::max)
+    }
+}
