@@ -5,7 +5,7 @@ use crate::language::Type;
 use crate::literal::literal;
 use crate::rig_sphere;
 use crate::source::{Parameter, Source};
-use relight_rig::{AxisFunction, Frame, Model};
+use relight_rig::{AxisFunction, Frame, Model, cosine_lobe};
 use std::f64::consts::PI;
 
 /// What [`rig_shader`] writes.
@@ -22,8 +22,8 @@ const EXTENTS: [f64; 2] = [1e-37, 1e37];
 
 const COORDINATES: [&str; 3] = ["x", "y", "z"];
 
-/// The source that lights a part of a mesh by its rig: `relight_reflectance(point, normal)`, and on demand
-/// `relight_sphere_reflectance(point, normal, centre, radius)`. Its head says what it needs and gives.
+/// The source that lights a part of a mesh by its rig: `relight_reflectance(position, normal)`, and on demand
+/// `relight_sphere_reflectance(position, normal, centre, radius)`. Its head says what it needs and gives.
 ///
 /// Depends on nothing but its arguments. Bands of l = 3 and 5 have no part in irradiance and are not read. Boxes smaller than
 /// 1e-37 or larger than 1e37 count as that.
@@ -57,7 +57,7 @@ fn head(source: &mut Source, model: &Model, bands: usize, sphere_lights: bool) {
     let sphere = if sphere_lights {
         format!(
             "\n\
-             \x20   {float} relight_sphere_reflectance(point, normal, centre, radius)\n\
+             \x20   {float} relight_sphere_reflectance(position, normal, centre, radius)\n\
              \x20       the same of one sphere light of radiance 1, exact: times its color, added to the above\n\
              \x20       where the light is not in the rig"
         )
@@ -82,10 +82,10 @@ fn head(source: &mut Source, model: &Model, bands: usize, sphere_lights: bool) {
          the coefficients of radiance that the lights give the rig now (with Condon-Shortley phase, not multiplied by\n\
          the cosine lobe): {} in all.\n\
          \n\
-         \x20   {float3} relight_reflectance(point, normal)\n\
+         \x20   {float3} relight_reflectance(position, normal)\n\
          \x20       reflected radiance of a white diffuser: irradiance / pi. Times albedo it is the color{sphere}\n\
          \n\
-         Points and unit normals are in the axes of the mesh, which are those of the coefficients.\n\
+         The position of relight_reflectance is in the axes of the mesh, all else in those of the scene; normals are unit vectors.\n\
          Source: Yuan, Nowrouzezahrai, Sloan, Irradiance Rigs.",
         model.text(),
         parameters * functions,
@@ -116,8 +116,6 @@ fn write_frame(source: &mut Source, frame: &Frame) {
 /// Irradiance / pi of a harmonic of radiance, bare polynomials of the normal `n` beside their factor; `None` where it is 0.
 fn harmonic(i: usize) -> Option<(f64, &'static str)> {
     let l = i.isqrt();
-    // Source: A_l / pi of the cosine lobe, MATH.md section 1.4.
-    let lobe = [1.0, 2.0 / 3.0, 0.25, 0.0, -1.0 / 24.0, 0.0][l];
     // Squares of the factors, times 4 pi, with the sign of the phase; the polynomials of l = 4 follow those of l = 2.
     let (squared, polynomial) = match l {
         0 => (1.0, ""),
@@ -146,7 +144,7 @@ fn harmonic(i: usize) -> Option<(f64, &'static str)> {
         _ => return None,
     };
     let factor: f64 = squared;
-    Some((lobe * factor.signum() * (factor.abs() / (4.0 * PI)).sqrt(), polynomial))
+    Some((cosine_lobe(l) / PI * factor.signum() * (factor.abs() / (4.0 * PI)).sqrt(), polynomial))
 }
 
 fn write_parameter(source: &mut Source, bands: usize) {
@@ -219,9 +217,9 @@ fn write_reflectance(source: &mut Source, model: &Model) {
             (0..3).all(|axis| product[axis] == functions[axis][place[axis]])
         });
     source.comment("Reflected radiance of a white diffuser by the rig.");
-    let parameters = [Parameter::value("point", Type::Float3), Parameter::value("normal", Type::Float3)];
+    let parameters = [Parameter::value("position", Type::Float3), Parameter::value("normal", Type::Float3)];
     source.function(Type::Float3, "relight_reflectance", &parameters, |source| {
-        let at = "((point - RELIGHT_CENTRE) - RELIGHT_CENTRE_REST) * RELIGHT_PER_HALF_EXTENT";
+        let at = "((position - RELIGHT_CENTRE) - RELIGHT_CENTRE_REST) * RELIGHT_PER_HALF_EXTENT";
         source.value(Type::Float3, "at", at);
         let terms = [0, 1, 2].map(|axis| terms_of(source, axis, &functions[axis]));
         let black = format!("{0}(0.0, 0.0, 0.0)", source.word(Type::Float3));
@@ -253,13 +251,13 @@ fn write_reflectance(source: &mut Source, model: &Model) {
 }
 
 /// Which vector has these places in the lists of the axes, x fastest.
-fn vector_at([x, y, z]: [&Term; 3], [nx, ny, nz]: [usize; 3]) -> String {
-    let steps = [(x, nx, 1), (y, ny, nx), (z, nz, nx * ny)];
-    let words = steps.into_iter().filter(|&(term, count, _)| count > 1 && term.place != "0");
-    let words: Vec<_> = words
-        .map(
-            |(term, _, step)| if step == 1 { term.place.clone() } else { format!("{step} * {}", term.place) },
-        )
-        .collect();
+fn vector_at([x, y, z]: [&Term; 3], [nx, ny, _]: [usize; 3]) -> String {
+    let word = |(term, step): (&Term, usize)| match term.place.parse::<usize>() {
+        Ok(0) => None,
+        Ok(place) => Some((place * step).to_string()),
+        Err(_) if step == 1 => Some(term.place.clone()),
+        Err(_) => Some(format!("{step} * {}", term.place)),
+    };
+    let words: Vec<_> = [(x, 1), (y, nx), (z, nx * ny)].into_iter().filter_map(word).collect();
     if words.is_empty() { "0".to_owned() } else { words.join(" + ") }
 }

@@ -49,10 +49,10 @@ pub(crate) fn write(source: &mut Source) {
     });
     source.comment(
         "Reflected radiance of a white diffuser under a sphere light of radiance 1, which the horizon of the normal may cut.\n\
-         A point inside sees what a point on the sphere sees; in the middle itself, half.",
+         A place inside sees what one on the sphere sees; in the middle itself, the light is towards +z.",
     );
     let parameters = [
-        Parameter::value("point", Type::Float3),
+        Parameter::value("position", Type::Float3),
         Parameter::value("normal", Type::Float3),
         Parameter::value("centre", Type::Float3),
         Parameter::value("radius", Type::Float),
@@ -61,10 +61,10 @@ pub(crate) fn write(source: &mut Source) {
 }
 
 fn body(source: &mut Source) {
-    source.value(Type::Float3, "to_centre", "centre - point");
+    source.value(Type::Float3, "to_centre", "centre - position");
     source.value(Type::Float3, "size", "abs(to_centre)");
     source.value(Type::Float, "largest", "max(size.x, max(size.y, size.z))");
-    source.block("if (largest < 1.0e-37)", |source| source.line("return 0.5;"));
+    source.block("if (largest < 1.0e-37)", |source| source.line("return 0.5 + 0.5 * normal.z;"));
     source.comment("Divided by the largest component first: squares neither overflow nor vanish.");
     source.value(Type::Float3, "shorter", "to_centre / largest");
     source.value(Type::Float, "distance", "sqrt(dot(shorter, shorter))");

@@ -1,6 +1,6 @@
 //! Babylon.js: `SphericalHarmonics` of irradiance, before it divides by pi and scales for rendering.
 
-use super::{BY_L_M, COSINE, Places, Target, scaled};
+use super::{BY_L_M, Places, Target, irradiated, scaled};
 
 /// Its current signs; builds before SH3ylmBasisConstants (2020) knew no phase.
 pub(super) const TARGET: Target = Target {
@@ -9,7 +9,7 @@ pub(super) const TARGET: Target = Target {
     axes: "x,y,z",
     places: Places::Parameters,
     values: &BY_L_M,
-    convert: |radiance| scaled(radiance, |i| COSINE[i.isqrt()]),
+    convert: |radiance| scaled(radiance, irradiated),
 };
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a helper fails as its test does")]
 
-use super::{COSINE, HARMONICS, Target};
+use super::{HARMONICS, Target};
 use relight_core::Direction;
 use relight_core::basis::evaluate_sh;
 use relight_core::sphere::{Cap, fibonacci_in};
@@ -19,7 +19,8 @@ pub(crate) fn lopsided() -> [[f64; 3]; HARMONICS] {
 pub(crate) fn irradiance(radiance: &[[f64; 3]; HARMONICS], normal: [f64; 3]) -> [f64; 3] {
     let mut harmonics = [0.0; HARMONICS];
     evaluate_sh(2, Direction::new(normal[0], normal[1], normal[2]).unwrap(), &mut harmonics);
-    [0, 1, 2].map(|c| (0..HARMONICS).map(|i| COSINE[i.isqrt()] * radiance[i][c] * harmonics[i]).sum())
+    let lobe = [PI, 2.0 * PI / 3.0, PI / 4.0];
+    [0, 1, 2].map(|c| (0..HARMONICS).map(|i| lobe[i.isqrt()] * radiance[i][c] * harmonics[i]).sum())
 }
 
 /// Normals all around.

@@ -3,7 +3,7 @@
 //! The extension does not say which signs its harmonics have. Babylon.js, which loads it, has the phase now and had none in
 //! former builds, so there are two rows.
 
-use super::{BY_L_M, COSINE, Places, Target, phase, scaled};
+use super::{BY_L_M, Places, Target, irradiated, phase, scaled};
 
 pub(super) const TARGET: Target = Target {
     name: "gltf",
@@ -11,7 +11,7 @@ pub(super) const TARGET: Target = Target {
     axes: "x,y,z",
     places: Places::Parameters,
     values: &BY_L_M,
-    convert: |radiance| scaled(radiance, |i| COSINE[i.isqrt()]),
+    convert: |radiance| scaled(radiance, irradiated),
 };
 
 pub(super) const WITHOUT_PHASE: Target = Target {
@@ -20,7 +20,7 @@ pub(super) const WITHOUT_PHASE: Target = Target {
     axes: "x,y,z",
     places: Places::Parameters,
     values: &BY_L_M,
-    convert: |radiance| scaled(radiance, |i| COSINE[i.isqrt()] * phase(i)),
+    convert: |radiance| scaled(radiance, |i| irradiated(i) * phase(i)),
 };
 
 #[cfg(test)]

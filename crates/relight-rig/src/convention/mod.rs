@@ -20,6 +20,7 @@ pub(crate) mod evaluation;
 pub use axes::Axes;
 pub use bevy::{AmbientCubes, ambient_cubes};
 
+use crate::cosine_lobe;
 use std::f64::consts::PI;
 
 /// How many harmonics targets keep: three bands.
@@ -79,12 +80,14 @@ const BY_L_M: [&str; HARMONICS] = ["l0m0", "l1m-1", "l1m0", "l1m1", "l2m-2", "l2
 /// What multiplies each of nine values: 1, y, z, x, xy, yz, 3 z^2 - 1, xz, x^2 - y^2.
 const BY_POLYNOMIAL: [&str; HARMONICS] = ["1", "y", "z", "x", "xy", "yz", "3zz-1", "xz", "xx-yy"];
 
-/// Irradiance of a band of radiance, l = 0, 1, 2: the cosine lobe.
-const COSINE: [f64; 3] = [PI, 2.0 * PI / 3.0, PI / 4.0];
+/// Irradiance of a harmonic of radiance.
+fn irradiated(harmonic: usize) -> f64 {
+    cosine_lobe(harmonic.isqrt())
+}
 
-/// The same of reflected radiance of a white diffuser, by harmonic.
+/// Reflected radiance of a white diffuser, irradiance / pi, of a harmonic of radiance.
 fn reflected(harmonic: usize) -> f64 {
-    COSINE[harmonic.isqrt()] / PI
+    irradiated(harmonic) / PI
 }
 
 /// The factor of a harmonic that drops, or brings in, the Condon-Shortley phase: (-1)^m.

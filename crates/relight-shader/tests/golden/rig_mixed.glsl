@@ -7,13 +7,13 @@
 // the coefficients of radiance that the lights give the rig now (with Condon-Shortley phase, not multiplied by
 // the cosine lobe): 54 in all.
 //
-//     vec3 relight_reflectance(point, normal)
+//     vec3 relight_reflectance(position, normal)
 //         reflected radiance of a white diffuser: irradiance / pi. Times albedo it is the color
-//     float relight_sphere_reflectance(point, normal, centre, radius)
+//     float relight_sphere_reflectance(position, normal, centre, radius)
 //         the same of one sphere light of radiance 1, exact: times its color, added to the above
 //         where the light is not in the rig
 //
-// Points and unit normals are in the axes of the mesh, which are those of the coefficients.
+// The position of relight_reflectance is in the axes of the mesh, all else in those of the scene; normals are unit vectors.
 // Source: Yuan, Nowrouzezahrai, Sloan, Irradiance Rigs.
 
 // ES has defaults of its own; elsewhere these lines mean nothing.
@@ -29,8 +29,8 @@ const vec3 RELIGHT_CENTRE_REST = vec3(-1.1920929e-8, 4.7683717e-8, 0.0);
 const vec3 RELIGHT_PER_HALF_EXTENT = vec3(0.5, 2.5, 0.2);
 
 // Irradiance / pi of one vector of harmonics.
-vec3 relight_of_vector(int vector, vec3 n) {
-    int at = vector * RELIGHT_FUNCTIONS;
+vec3 relight_of_vector(int which, vec3 n) {
+    int at = which * RELIGHT_FUNCTIONS;
     vec3 sum = 0.2820948 * relight_coefficient(at);
     sum = sum + -0.325735 * n.y * relight_coefficient(at + 1);
     sum = sum + 0.325735 * n.z * relight_coefficient(at + 2);
@@ -44,16 +44,16 @@ vec3 relight_of_vector(int vector, vec3 n) {
 }
 
 // Reflected radiance of a white diffuser by the rig.
-vec3 relight_reflectance(vec3 point, vec3 normal) {
-    vec3 at = ((point - RELIGHT_CENTRE) - RELIGHT_CENTRE_REST) * RELIGHT_PER_HALF_EXTENT;
+vec3 relight_reflectance(vec3 position, vec3 normal) {
+    vec3 at = ((position - RELIGHT_CENTRE) - RELIGHT_CENTRE_REST) * RELIGHT_PER_HALF_EXTENT;
     float x_place = 0.5 * (clamp(at.x, -1.0, 1.0) + 1.0) * 2.0;
     int x_node = min(int(x_place), 1);
     float x_far = x_place - float(x_node);
     vec3 sum = vec3(0.0, 0.0, 0.0);
     sum = sum + (1.0 - x_far) * relight_of_vector(x_node, normal);
     sum = sum + x_far * relight_of_vector((x_node + 1), normal);
-    sum = sum + (1.0 - x_far) * at.y * relight_of_vector(x_node + 3 * 1, normal);
-    sum = sum + x_far * at.y * relight_of_vector((x_node + 1) + 3 * 1, normal);
+    sum = sum + (1.0 - x_far) * at.y * relight_of_vector(x_node + 3, normal);
+    sum = sum + x_far * at.y * relight_of_vector((x_node + 1) + 3, normal);
     return sum;
 }
 
@@ -82,13 +82,13 @@ float relight_angle(float y, float x) {
 }
 
 // Reflected radiance of a white diffuser under a sphere light of radiance 1, which the horizon of the normal may cut.
-// A point inside sees what a point on the sphere sees; in the middle itself, half.
-float relight_sphere_reflectance(vec3 point, vec3 normal, vec3 centre, float radius) {
-    vec3 to_centre = centre - point;
+// A place inside sees what one on the sphere sees; in the middle itself, the light is towards +z.
+float relight_sphere_reflectance(vec3 position, vec3 normal, vec3 centre, float radius) {
+    vec3 to_centre = centre - position;
     vec3 size = abs(to_centre);
     float largest = max(size.x, max(size.y, size.z));
     if (largest < 1.0e-37) {
-        return 0.5;
+        return 0.5 + 0.5 * normal.z;
     }
     // Divided by the largest component first: squares neither overflow nor vanish.
     vec3 shorter = to_centre / largest;

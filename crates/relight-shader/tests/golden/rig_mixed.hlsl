@@ -7,13 +7,13 @@
 // the coefficients of radiance that the lights give the rig now (with Condon-Shortley phase, not multiplied by
 // the cosine lobe): 54 in all.
 //
-//     float3 relight_reflectance(point, normal)
+//     float3 relight_reflectance(position, normal)
 //         reflected radiance of a white diffuser: irradiance / pi. Times albedo it is the color
-//     float relight_sphere_reflectance(point, normal, centre, radius)
+//     float relight_sphere_reflectance(position, normal, centre, radius)
 //         the same of one sphere light of radiance 1, exact: times its color, added to the above
 //         where the light is not in the rig
 //
-// Points and unit normals are in the axes of the mesh, which are those of the coefficients.
+// The position of relight_reflectance is in the axes of the mesh, all else in those of the scene; normals are unit vectors.
 // Source: Yuan, Nowrouzezahrai, Sloan, Irradiance Rigs.
 
 static const int RELIGHT_PARAMETERS = 6;
@@ -25,8 +25,8 @@ static const float3 RELIGHT_CENTRE_REST = float3(-1.1920929e-8, 4.7683717e-8, 0.
 static const float3 RELIGHT_PER_HALF_EXTENT = float3(0.5, 2.5, 0.2);
 
 // Irradiance / pi of one vector of harmonics.
-float3 relight_of_vector(int vector, float3 n) {
-    int at = vector * RELIGHT_FUNCTIONS;
+float3 relight_of_vector(int which, float3 n) {
+    int at = which * RELIGHT_FUNCTIONS;
     float3 sum = 0.2820948 * relight_coefficient(at);
     sum = sum + -0.325735 * n.y * relight_coefficient(at + 1);
     sum = sum + 0.325735 * n.z * relight_coefficient(at + 2);
@@ -40,16 +40,16 @@ float3 relight_of_vector(int vector, float3 n) {
 }
 
 // Reflected radiance of a white diffuser by the rig.
-float3 relight_reflectance(float3 point, float3 normal) {
-    float3 at = ((point - RELIGHT_CENTRE) - RELIGHT_CENTRE_REST) * RELIGHT_PER_HALF_EXTENT;
+float3 relight_reflectance(float3 position, float3 normal) {
+    float3 at = ((position - RELIGHT_CENTRE) - RELIGHT_CENTRE_REST) * RELIGHT_PER_HALF_EXTENT;
     float x_place = 0.5 * (clamp(at.x, -1.0, 1.0) + 1.0) * 2.0;
     int x_node = min(int(x_place), 1);
     float x_far = x_place - float(x_node);
     float3 sum = float3(0.0, 0.0, 0.0);
     sum = sum + (1.0 - x_far) * relight_of_vector(x_node, normal);
     sum = sum + x_far * relight_of_vector((x_node + 1), normal);
-    sum = sum + (1.0 - x_far) * at.y * relight_of_vector(x_node + 3 * 1, normal);
-    sum = sum + x_far * at.y * relight_of_vector((x_node + 1) + 3 * 1, normal);
+    sum = sum + (1.0 - x_far) * at.y * relight_of_vector(x_node + 3, normal);
+    sum = sum + x_far * at.y * relight_of_vector((x_node + 1) + 3, normal);
     return sum;
 }
 
@@ -78,13 +78,13 @@ float relight_angle(float y, float x) {
 }
 
 // Reflected radiance of a white diffuser under a sphere light of radiance 1, which the horizon of the normal may cut.
-// A point inside sees what a point on the sphere sees; in the middle itself, half.
-float relight_sphere_reflectance(float3 point, float3 normal, float3 centre, float radius) {
-    float3 to_centre = centre - point;
+// A place inside sees what one on the sphere sees; in the middle itself, the light is towards +z.
+float relight_sphere_reflectance(float3 position, float3 normal, float3 centre, float radius) {
+    float3 to_centre = centre - position;
     float3 size = abs(to_centre);
     float largest = max(size.x, max(size.y, size.z));
     if (largest < 1.0e-37) {
-        return 0.5;
+        return 0.5 + 0.5 * normal.z;
     }
     // Divided by the largest component first: squares neither overflow nor vanish.
     float3 shorter = to_centre / largest;

@@ -7,13 +7,13 @@
 // the coefficients of radiance that the lights give the rig now (with Condon-Shortley phase, not multiplied by
 // the cosine lobe): 54 in all.
 //
-//     vec3f relight_reflectance(point, normal)
+//     vec3f relight_reflectance(position, normal)
 //         reflected radiance of a white diffuser: irradiance / pi. Times albedo it is the color
-//     f32 relight_sphere_reflectance(point, normal, centre, radius)
+//     f32 relight_sphere_reflectance(position, normal, centre, radius)
 //         the same of one sphere light of radiance 1, exact: times its color, added to the above
 //         where the light is not in the rig
 //
-// Points and unit normals are in the axes of the mesh, which are those of the coefficients.
+// The position of relight_reflectance is in the axes of the mesh, all else in those of the scene; normals are unit vectors.
 // Source: Yuan, Nowrouzezahrai, Sloan, Irradiance Rigs.
 
 const RELIGHT_PARAMETERS: i32 = 6;
@@ -25,8 +25,8 @@ const RELIGHT_CENTRE_REST: vec3f = vec3f(-1.1920929e-8, 4.7683717e-8, 0.0);
 const RELIGHT_PER_HALF_EXTENT: vec3f = vec3f(0.5, 2.5, 0.2);
 
 // Irradiance / pi of one vector of harmonics.
-fn relight_of_vector(vector: i32, n: vec3f) -> vec3f {
-    let at = vector * RELIGHT_FUNCTIONS;
+fn relight_of_vector(which: i32, n: vec3f) -> vec3f {
+    let at = which * RELIGHT_FUNCTIONS;
     var sum: vec3f = 0.2820948 * relight_coefficient(at);
     sum = sum + -0.325735 * n.y * relight_coefficient(at + 1);
     sum = sum + 0.325735 * n.z * relight_coefficient(at + 2);
@@ -40,16 +40,16 @@ fn relight_of_vector(vector: i32, n: vec3f) -> vec3f {
 }
 
 // Reflected radiance of a white diffuser by the rig.
-fn relight_reflectance(point: vec3f, normal: vec3f) -> vec3f {
-    let at = ((point - RELIGHT_CENTRE) - RELIGHT_CENTRE_REST) * RELIGHT_PER_HALF_EXTENT;
+fn relight_reflectance(position: vec3f, normal: vec3f) -> vec3f {
+    let at = ((position - RELIGHT_CENTRE) - RELIGHT_CENTRE_REST) * RELIGHT_PER_HALF_EXTENT;
     let x_place = 0.5 * (clamp(at.x, -1.0, 1.0) + 1.0) * 2.0;
     let x_node = min(i32(x_place), 1);
     let x_far = x_place - f32(x_node);
     var sum: vec3f = vec3f(0.0, 0.0, 0.0);
     sum = sum + (1.0 - x_far) * relight_of_vector(x_node, normal);
     sum = sum + x_far * relight_of_vector((x_node + 1), normal);
-    sum = sum + (1.0 - x_far) * at.y * relight_of_vector(x_node + 3 * 1, normal);
-    sum = sum + x_far * at.y * relight_of_vector((x_node + 1) + 3 * 1, normal);
+    sum = sum + (1.0 - x_far) * at.y * relight_of_vector(x_node + 3, normal);
+    sum = sum + x_far * at.y * relight_of_vector((x_node + 1) + 3, normal);
     return sum;
 }
 
@@ -78,13 +78,13 @@ fn relight_angle(y: f32, x: f32) -> f32 {
 }
 
 // Reflected radiance of a white diffuser under a sphere light of radiance 1, which the horizon of the normal may cut.
-// A point inside sees what a point on the sphere sees; in the middle itself, half.
-fn relight_sphere_reflectance(point: vec3f, normal: vec3f, centre: vec3f, radius: f32) -> f32 {
-    let to_centre = centre - point;
+// A place inside sees what one on the sphere sees; in the middle itself, the light is towards +z.
+fn relight_sphere_reflectance(position: vec3f, normal: vec3f, centre: vec3f, radius: f32) -> f32 {
+    let to_centre = centre - position;
     let size = abs(to_centre);
     let largest = max(size.x, max(size.y, size.z));
     if (largest < 1.0e-37) {
-        return 0.5;
+        return 0.5 + 0.5 * normal.z;
     }
     // Divided by the largest component first: squares neither overflow nor vanish.
     let shorter = to_centre / largest;
