@@ -41,7 +41,7 @@ pub use light_file::{
     read_light_file, unmatched, write_light_file,
 };
 pub use machine::{create_folder, machine_memory, place_of, read_text};
-pub use mesh::read_mesh;
+pub use mesh::{read_mesh, read_mesh_parts};
 pub use normal_file::{NormalPicture, read_normal_file, write_normal_file};
 pub use output_file::{OutputFile, write_whole};
 pub use output_folder::ScratchFolder;
@@ -49,5 +49,5 @@ pub use picture::{DecodedPicture, PictureInfo, SampleType, Samples, decode, prob
 pub use picture_output::{PagePicture, PictureDepth, picture_depths, write_picture};
 pub use position_file::{read_position_file, write_position_file};
 pub use rig_file::{MeshKey, RigFile, is_rig, read_rig, write_rig};
-pub use scene_file::{SceneFile, linear_picture, read_scene};
+pub use scene_file::{RigScene, SceneFile, linear_picture, read_scene};
 pub use stack::{PictureStack, StackSettings};

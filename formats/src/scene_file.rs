@@ -1,16 +1,28 @@
 //! Scene files: lights in TOML. docs/formats.md has the fields.
 
+mod keyed_light;
+mod motion;
+mod record;
+
 use crate::machine::line_of;
 use crate::{FormatError, Samples, decode, read_text};
+use keyed_light::{Facing, KeptEnvironment, KeyedLight, SceneLamp, SceneLight, Strength};
+use motion::{KeyedMotion, Pose, one_after_another};
+use record::{AttenuationName, HorizonName, Kind, LightRecord, MotionRecord, SceneRecord, SequenceRecord};
+use relight_core::basis::Sh;
 use relight_core::relighter::Picture;
+use relight_core::vectors::difference;
 use relight_core::{CpuLevel, Direction, linear_from_srgb};
-use relight_lights::{Attenuation, Environment, Gobo, HorizonRule, Lamp, Light, Scene, Spot, between_keys};
-use serde::Deserialize;
+use relight_lights::{Attenuation, Environment, Gobo, HorizonRule, Lamp, Scene, Spot};
+use relight_rig::Placement;
 use std::path::{Path, PathBuf};
-use toml::Spanned;
+use std::sync::{Arc, OnceLock};
 
 /// Most pictures of a sequence.
 const MOST_FRAMES: usize = 100_000;
+
+/// Largest coefficient of a probe, as the largest intensity.
+const LARGEST_HARMONIC: f64 = 1e12;
 
 /// A scene as its file has it.
 #[derive(Clone, Debug)]
@@ -21,110 +33,19 @@ pub struct SceneFile {
     pub times: Vec<f64>,
     horizon: HorizonRule,
     lights: Vec<KeyedLight>,
+    object: Option<KeyedMotion>,
+    parts: Vec<(String, KeyedMotion)>,
 }
 
-#[derive(Clone, Debug)]
-struct KeyedLight {
-    light: Light,
-    keys: Vec<Key>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SceneRecord {
-    #[serde(default)]
-    light: Vec<Spanned<LightRecord>>,
-    #[serde(default)]
-    horizon: HorizonName,
-    #[serde(default)]
-    drop_off_sine: Option<Spanned<f64>>,
-    sequence: Option<Spanned<SequenceRecord>>,
-}
-
-#[derive(Deserialize, Default, Clone, Copy, PartialEq)]
-#[serde(rename_all = "kebab-case")]
-enum HorizonName {
-    #[default]
-    Fade,
-    DropOff,
-    Extrapolate,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SequenceRecord {
-    frames: usize,
-    #[serde(default)]
-    from: f64,
-    #[serde(default = "one")]
-    to: f64,
-}
-
-#[derive(Deserialize, Clone, Copy, PartialEq)]
-#[serde(rename_all = "lowercase")]
-enum Kind {
-    Directional,
-    Point,
-    Spot,
-    Sphere,
-    Environment,
-}
-
-#[derive(Deserialize, Clone, Copy)]
-#[serde(rename_all = "kebab-case")]
-enum AttenuationName {
-    None,
-    Inverse,
-    InverseSquare,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct LightRecord {
-    kind: Kind,
-    name: Option<String>,
-    #[serde(default = "yes")]
-    on: bool,
-    color: Option<[f32; 3]>,
-    intensity: Option<f64>,
-    direction: Option<[f64; 3]>,
-    angles_deg: Option<[f64; 2]>,
-    position: Option<[f64; 3]>,
-    target: Option<[f64; 3]>,
-    cone_deg: Option<f64>,
-    beam_deg: Option<f64>,
-    radius: Option<f64>,
-    samples: Option<usize>,
-    attenuation: Option<AttenuationName>,
-    a0: Option<f64>,
-    nearest: Option<f64>,
-    gobo: Option<PathBuf>,
-    gobo_up: Option<[f64; 3]>,
-    gobo_on: Option<bool>,
-    file: Option<PathBuf>,
-    forward: Option<[f64; 3]>,
-    up: Option<[f64; 3]>,
-    #[serde(default)]
-    keys: Vec<Key>,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Key {
-    time: f64,
-    direction: Option<[f64; 3]>,
-    position: Option<[f64; 3]>,
-    target: Option<[f64; 3]>,
-    intensity: Option<f64>,
-    color: Option<[f64; 3]>,
-}
-
-fn one() -> f64 {
-    1.0
-}
-
-fn yes() -> bool {
-    true
+/// A scene as rigs know it, at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigScene {
+    /// In the order of the file.
+    pub lights: Vec<relight_rig::Light>,
+    /// Where the mesh stands.
+    pub object: Placement,
+    /// Where parts stand that have a motion of their own: by it, then by the object's. All others are as `object`.
+    pub parts: Vec<(String, Placement)>,
 }
 
 /// Reads a scene and the pictures that it names, which lie relative to its folder. Lights that are not `on`
@@ -189,63 +110,95 @@ pub fn read_scene(path: &Path, level: CpuLevel, memory_limit: u64) -> Result<Sce
             (0..frames).map(|frame| from + step * frame as f64).collect()
         }
     };
-    Ok(SceneFile { inputs, times, horizon, lights })
+    let object = match record.object {
+        None => None,
+        Some(spanned) => {
+            let at = spanned.span().start;
+            let motion = spanned.into_inner();
+            if motion.name.is_some() {
+                let words =
+                    "[object] has a name; only a [[part]] has one, that of a part of the mesh".to_owned();
+                return Err(reader.invalid(at, words));
+            }
+            Some(keyed_motion(motion).map_err(|words| reader.invalid(at, format!("[object]: {words}")))?)
+        }
+    };
+    let mut parts: Vec<(String, KeyedMotion)> = Vec::new();
+    for spanned in record.part {
+        let at = spanned.span().start;
+        let mut record = spanned.into_inner();
+        let name = record.name.take().ok_or_else(|| {
+            reader.invalid(at, "a [[part]] has no name; give that of a part of the mesh".to_owned())
+        })?;
+        if parts.iter().any(|(other, _)| *other == name) {
+            return Err(reader.invalid(at, format!("a second [[part]] '{name}'; give its motion once")));
+        }
+        let motion =
+            keyed_motion(record).map_err(|words| reader.invalid(at, format!("part '{name}': {words}")))?;
+        parts.push((name, motion));
+    }
+    Ok(SceneFile { inputs, times, horizon, lights, object, parts })
+}
+
+fn keyed_motion(record: MotionRecord) -> Result<KeyedMotion, String> {
+    let rest = Pose {
+        position: record.position.unwrap_or_default(),
+        rotation_deg: record.rotation_deg.unwrap_or_default(),
+        pivot: record.pivot.unwrap_or_default(),
+    };
+    let motion = KeyedMotion { rest, keys: by_time(record.keys, |key| key.time)? };
+    motion.check()?;
+    Ok(motion)
+}
+
+fn by_time<K>(mut keys: Vec<K>, time: fn(&K) -> f64) -> Result<Vec<K>, String> {
+    if let Some(key) = keys.iter().find(|key| !time(key).is_finite()) {
+        return Err(format!("has a key at time {}; times must be finite", time(key)));
+    }
+    keys.sort_by(|a, b| time(a).total_cmp(&time(b)));
+    Ok(keys)
 }
 
 impl SceneFile {
-    /// The scene at `time`: keyed values lie between their neighbours in time, linearly.
+    /// The scene at `time` for pictures: keyed values lie between their neighbours in time, linearly.
     ///
     /// # Errors
-    /// [`FormatError::Invalid`] where a key's direction passes through nothing; `path` is for the message.
+    /// [`FormatError::Invalid`] where a key's direction passes through nothing and for what only rigs know: discs, probes and
+    /// motions; `path` is for the message.
     pub fn scene(&self, path: &Path, time: f64) -> Result<Scene, FormatError> {
-        let lights = self.lights.iter().map(|keyed| keyed.at(time)).collect::<Result<Vec<_>, String>>();
-        let lights = lights.map_err(|problem| FormatError::invalid(path, problem))?;
-        for light in &lights {
-            light.check().map_err(|error| FormatError::invalid(path, format!("at time {time}: {error}")))?;
+        if self.object.is_some() || !self.parts.is_empty() {
+            let words =
+                "[object] and [[part]] move a mesh, which only rigs know; leave them out for pictures";
+            return Err(FormatError::invalid(path, words));
         }
+        let lights = self.lights.iter().map(|keyed| keyed.at(time)?.of_picture()).collect::<Result<_, _>>();
+        let lights = lights.map_err(|problem: String| FormatError::invalid(path, problem))?;
         Ok(Scene { lights, horizon: self.horizon })
+    }
+
+    /// The scene at `time` for rigs. What is for pictures alone doesn't count: `horizon`, and `samples` and `nearest` of
+    /// spheres.
+    ///
+    /// A light of intensity 1 reflects as much from a white diffuser as in pictures: a sphere or disc has radiance intensity
+    /// / radius^2, a point radiant intensity pi, a directional light irradiance pi. Environments are projected to
+    /// 121 harmonics.
+    ///
+    /// # Errors
+    /// [`FormatError::Invalid`] as [`Self::scene`], and for what only pictures know: spots and attenuation other than the
+    /// inverse square; `path` is for the message.
+    pub fn rig_scene(&self, path: &Path, time: f64) -> Result<RigScene, FormatError> {
+        let lights = self.lights.iter().map(|keyed| keyed.at(time)?.of_rig()).collect::<Result<_, _>>();
+        let lights = lights.map_err(|problem: String| FormatError::invalid(path, problem))?;
+        let object = self.object.as_ref().map_or(Placement::IDENTITY, |motion| motion.at(time));
+        let placed = |(name, motion): &(String, KeyedMotion)| {
+            (name.clone(), one_after_another(&object, &motion.at(time)))
+        };
+        Ok(RigScene { lights, object, parts: self.parts.iter().map(placed).collect() })
     }
 
     /// Whether any light's direction differs from pixel to pixel.
     pub fn has_local_lights(&self) -> bool {
         self.lights.iter().any(|keyed| keyed.light.is_local())
-    }
-}
-
-impl KeyedLight {
-    fn at(&self, time: f64) -> Result<Light, String> {
-        let mut light = self.light.clone();
-        let value = |field: fn(&Key) -> Option<[f64; 3]>| {
-            let keys: Vec<_> = self.keys.iter().filter_map(|key| Some((key.time, field(key)?))).collect();
-            between_keys(&keys, time)
-        };
-        let toward = |v: [f64; 3]| {
-            Direction::new(v[0], v[1], v[2])
-                .map_err(|error| format!("light '{}' at time {time}: {error}", light.name))
-        };
-        let direction = value(|key| key.direction).map(toward).transpose()?;
-        let moved = value(|key| key.position);
-        let target = value(|key| key.target);
-        match &mut light.lamp {
-            Lamp::Directional { direction: d } => *d = direction.unwrap_or(*d),
-            Lamp::Point { position } | Lamp::Sphere { position, .. } => {
-                *position = moved.unwrap_or(*position)
-            }
-            Lamp::Spot(spot) => {
-                spot.position = moved.unwrap_or(spot.position);
-                if let Some(target) = target {
-                    let [x, y, z] = [0, 1, 2].map(|i| target[i] - spot.position[i]);
-                    spot.axis = Direction::new(x, y, z)
-                        .map_err(|_| format!("light '{}' at time {time} stands at its target", light.name))?;
-                }
-            }
-            Lamp::Environment(_) => {}
-        }
-        light.color = value(|key| key.color).map_or(light.color, |color| color.map(|c| c as f32));
-        if let Some([intensity, ..]) = value(|key| key.intensity.map(|intensity| [intensity; 3])) {
-            light.intensity = intensity;
-        }
-        Ok(light)
     }
 }
 
@@ -285,8 +238,20 @@ impl Reader<'_> {
         let needed = |value: Option<[f64; 3]>, field: &str| {
             value.ok_or_else(|| format!("light '{name}' has no {field}; give {field} = [x, y, z]"))
         };
-        let first_key = |field: fn(&Key) -> Option<[f64; 3]>| record.keys.iter().find_map(field);
-        let position = || needed(record.position.or(first_key(|key| key.position)), "position");
+        let position = || needed(record.first(record.position, |key| key.position), "position");
+        let direction = record.first(record.direction, |key| key.direction);
+        let target = record.first(record.target, |key| key.target);
+        let radius = || {
+            let radius = record.first(record.radius, |key| key.radius);
+            radius.ok_or_else(|| format!("light '{name}' has no radius; give one above 0"))
+        };
+        let attenuation = match record.attenuation {
+            Some(AttenuationName::None) => Attenuation::None,
+            Some(AttenuationName::Inverse) => Attenuation::Inverse { a0: record.a0.unwrap_or(1.0) },
+            Some(AttenuationName::InverseSquare) | None => {
+                Attenuation::InverseSquare { nearest: record.nearest.unwrap_or(0.01) }
+            }
+        };
         let lamp = match record.kind {
             Kind::Directional => {
                 let direction = match record.angles_deg {
@@ -294,26 +259,34 @@ impl Reader<'_> {
                         Direction::from_azimuth_elevation(azimuth.to_radians(), elevation.to_radians())
                             .map_err(|error| format!("light '{name}': {error}"))?
                     }
-                    None => {
-                        let v = needed(record.direction.or(first_key(|key| key.direction)), "direction")?;
-                        toward(v, &name)?
+                    None => toward(needed(direction, "direction")?, &name)?,
+                };
+                SceneLamp::Lamp(Lamp::Directional { direction }, Attenuation::None)
+            }
+            Kind::Point => SceneLamp::Lamp(Lamp::Point { position: position()? }, attenuation),
+            Kind::Sphere => {
+                let samples = record.samples.unwrap_or(16);
+                let lamp = Lamp::Sphere { position: position()?, radius: radius()?, samples };
+                SceneLamp::Lamp(lamp, attenuation)
+            }
+            Kind::Disc => {
+                let facing = match (direction, target) {
+                    (Some(direction), None) => Facing::Direction(direction),
+                    (None, Some(target)) => Facing::Target(target),
+                    _ => {
+                        let words =
+                            format!("light '{name}' needs either a target or the direction that it faces");
+                        return Err(words.into());
                     }
                 };
-                Lamp::Directional { direction }
+                SceneLamp::Disc { position: position()?, facing, radius: radius()? }
             }
-            Kind::Point => Lamp::Point { position: position()? },
-            Kind::Sphere => Lamp::Sphere {
-                position: position()?,
-                radius: record
-                    .radius
-                    .ok_or_else(|| format!("light '{name}' has no radius; give one above 0"))?,
-                samples: record.samples.unwrap_or(16),
-            },
+            Kind::Probe => SceneLamp::Probe(probe(record.sh.as_deref(), &name)?),
             Kind::Spot => {
                 let position = position()?;
-                let axis = match (record.direction, record.target.or(first_key(|key| key.target))) {
+                let axis = match (record.direction, target) {
                     (Some(axis), None) => axis,
-                    (None, Some(target)) => [0, 1, 2].map(|i| target[i] - position[i]),
+                    (None, Some(target)) => difference(target, position),
                     _ => {
                         return Err(format!(
                             "light '{name}' needs either a target or a direction in which it shines"
@@ -339,7 +312,8 @@ impl Reader<'_> {
                     }),
                 };
                 let [cone, beam] = [cone, beam].map(f64::to_radians);
-                Lamp::Spot(Box::new(Spot { position, axis: toward(axis, &name)?, cone, beam, gobo }))
+                let spot = Spot { position, axis: toward(axis, &name)?, cone, beam, gobo };
+                SceneLamp::Lamp(Lamp::Spot(Box::new(spot)), attenuation)
             }
             Kind::Environment => {
                 let file = record.file.as_ref().ok_or_else(|| {
@@ -349,35 +323,17 @@ impl Reader<'_> {
                 let up = toward(record.up.unwrap_or([0.0, 1.0, 0.0]), &name)?;
                 let environment = Environment::new(self.picture(file, inputs)?, forward, up)
                     .map_err(|error| format!("light '{name}': {error}"))?;
-                Lamp::Environment(Box::new(environment))
+                SceneLamp::Environment(Arc::new(KeptEnvironment { environment, harmonics: OnceLock::new() }))
             }
         };
-        let local = !matches!(record.kind, Kind::Directional | Kind::Environment);
-        let attenuation = match record.attenuation {
-            _ if !local => Attenuation::None,
-            Some(AttenuationName::None) => Attenuation::None,
-            Some(AttenuationName::Inverse) => Attenuation::Inverse { a0: record.a0.unwrap_or(1.0) },
-            Some(AttenuationName::InverseSquare) | None => {
-                Attenuation::InverseSquare { nearest: record.nearest.unwrap_or(0.01) }
-            }
+        let strength = match record.first(record.radiance, |key| key.radiance) {
+            Some(radiance) => Strength::Radiance(radiance),
+            None => Strength::Intensity(record.intensity.unwrap_or(1.0)),
         };
-        let light = Light {
-            name,
-            lamp,
-            color: record.color.unwrap_or([1.0; 3]),
-            intensity: record.intensity.unwrap_or(1.0),
-            attenuation,
-        };
-        light.check().map_err(|error| error.to_string())?;
-        let mut keys = record.keys;
-        if let Some(key) = keys.iter().find(|key| !key.time.is_finite()) {
-            return Err(format!(
-                "light '{}' has a key at time {}; times must be finite",
-                light.name, key.time
-            )
-            .into());
-        }
-        keys.sort_by(|a, b| a.time.total_cmp(&b.time));
+        let light = SceneLight { name, color: record.color.unwrap_or([1.0; 3]), strength, lamp };
+        light.check()?;
+        let keys = by_time(record.keys, |key| key.time);
+        let keys = keys.map_err(|words| format!("light '{}' {words}", light.name))?;
         Ok(KeyedLight { light, keys })
     }
 
@@ -416,50 +372,18 @@ pub fn linear_picture(path: &Path, level: CpuLevel, memory_limit: u64) -> Result
     Ok(Picture { width, height, channels, samples })
 }
 
-impl LightRecord {
-    /// Whether it has fields of other kinds only, which would do nothing.
-    fn check_fields(&self, name: &str) -> Result<(), String> {
-        use Kind::{Directional, Environment, Point, Sphere, Spot};
-        let local: &[Kind] = &[Point, Spot, Sphere];
-        let fields: [(&str, bool, &[Kind]); 17] = [
-            ("direction", self.direction.is_some(), &[Directional, Spot]),
-            ("angles_deg", self.angles_deg.is_some(), &[Directional]),
-            ("position", self.position.is_some(), local),
-            ("target", self.target.is_some(), &[Spot]),
-            ("cone_deg", self.cone_deg.is_some(), &[Spot]),
-            ("beam_deg", self.beam_deg.is_some(), &[Spot]),
-            ("gobo", self.gobo.is_some(), &[Spot]),
-            ("gobo_up", self.gobo_up.is_some(), &[Spot]),
-            ("gobo_on", self.gobo_on.is_some(), &[Spot]),
-            ("radius", self.radius.is_some(), &[Sphere]),
-            ("samples", self.samples.is_some(), &[Sphere]),
-            ("attenuation", self.attenuation.is_some(), local),
-            ("a0", self.a0.is_some(), local),
-            ("nearest", self.nearest.is_some(), local),
-            ("file", self.file.is_some(), &[Environment]),
-            ("forward", self.forward.is_some(), &[Environment]),
-            ("up", self.up.is_some(), &[Environment]),
-        ];
-        for (field, given, kinds) in fields {
-            if given && !kinds.contains(&self.kind) {
-                return Err(format!("light '{name}' has {field}, which its kind does not; leave it out"));
-            }
-        }
-        let attenuation = |wanted: &str| format!("attenuation = \"{wanted}\"");
-        match self.attenuation {
-            Some(AttenuationName::Inverse) => {}
-            _ if self.a0.is_some() => {
-                return Err(format!("light '{name}' has a0, which belongs to {}", attenuation("inverse")));
-            }
-            _ => {}
-        }
-        match self.attenuation {
-            Some(AttenuationName::InverseSquare) | None => Ok(()),
-            _ if self.nearest.is_some() => {
-                Err(format!("light '{name}' has nearest, which belongs to {}", attenuation("inverse-square")))
-            }
-            _ => Ok(()),
-        }
+fn probe(coefficients: Option<&[[f64; 3]]>, name: &str) -> Result<Vec<[f64; 3]>, String> {
+    let coefficients = coefficients.unwrap_or_default();
+    let count = coefficients.len();
+    if Sh::with_count(count).is_err() {
+        return Err(format!(
+            "light '{name}' has sh of {count} coefficients; give 1, 4, 9 .. 121, each [r, g, b]"
+        ));
+    }
+    match coefficients.iter().flatten().find(|value| !(-LARGEST_HARMONIC..=LARGEST_HARMONIC).contains(*value))
+    {
+        Some(value) => Err(format!("light '{name}' has {value} in sh; give numbers from -1e12 to 1e12")),
+        None => Ok(coefficients.to_vec()),
     }
 }
 

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test's helpers fail as the test does")]
 
-use relight_formats::{FormatError, read_mesh};
+use relight_formats::{FormatError, read_mesh, read_mesh_parts};
 use relight_surface::Mesh;
 use serde_json::{Value, json};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -254,6 +254,82 @@ fn obj_files_have_v_from_the_bottom_polygons_and_several_objects() {
     assert_eq!(read_bytes(windows.as_bytes()).unwrap(), mesh);
 }
 
+fn parts_of(bytes: &[u8]) -> Result<Vec<(String, Mesh)>, FormatError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh");
+    fs::write(&path, bytes).unwrap();
+    read_mesh_parts(&path, LIMIT)
+}
+
+#[test]
+fn nodes_are_parts_where_they_stand_and_no_two_have_one_name() {
+    let (mut document, buffer) = document();
+    document["meshes"][0]["name"] = json!("table");
+    document["nodes"] = json!([
+        {"name": "leg", "mesh": 0, "translation": [1.0, 0.0, 0.0]},
+        {"name": "leg 2", "mesh": 0},
+        {"name": "leg", "mesh": 0, "translation": [3.0, 0.0, 0.0]},
+        {"children": [4], "translation": [0.0, 5.0, 0.0]},
+        {"mesh": 0},
+    ]);
+    document["scenes"][0]["nodes"] = json!([0, 1, 2, 3]);
+    let bytes = glb(&document, &buffer);
+    let parts = parts_of(&bytes).unwrap();
+    let places: Vec<_> = parts.iter().map(|(name, mesh)| (name.as_str(), mesh.positions[0])).collect();
+    let [x, y, z] = POSITIONS[CORNERS[0] as usize];
+    let expected = [
+        ("leg", [x + 1.0, y, z]),
+        ("leg 2", [x, y, z]),
+        ("leg 3", [x + 3.0, y, z]),
+        ("table", [x, y + 5.0, z]),
+    ];
+    assert_eq!(places, expected);
+    let meshes: Vec<Mesh> = parts.into_iter().map(|(_, mesh)| mesh).collect();
+    assert_eq!(Mesh::joined(meshes).unwrap(), read_bytes(&bytes).unwrap());
+}
+
+#[test]
+fn a_file_of_points_alone_has_them_as_parts() {
+    let (mut document, buffer) = document();
+    document["meshes"][0]["primitives"][0] = json!({"attributes": {"POSITION": 0}, "mode": 0});
+    assert_refused(read_bytes(&glb(&document, &buffer)), "no triangle");
+    let parts = parts_of(&glb(&document, &buffer)).unwrap();
+    let [(name, mesh)] = &parts[..] else { panic!("{parts:?}") };
+    assert_eq!(name, "node 0");
+    assert_eq!(corner_positions(mesh), POSITIONS.iter().flat_map(|&p| [p; 3]).collect::<Vec<_>>());
+    mesh.check().unwrap();
+    // Beside triangles they don't count.
+    let triangles = json!({"attributes": {"POSITION": 0}, "indices": 3});
+    document["meshes"][0]["primitives"].as_array_mut().unwrap().push(triangles);
+    assert_eq!(parts_of(&glb(&document, &buffer)).unwrap()[0].1.triangles.len(), 2);
+
+    let parts = parts_of(b"o one\nv 3 4 5\r\ng two\nv 1 1 1\nv 2e0 2 2 1\np 1 2 3\n").unwrap();
+    let first_corners = |mesh: &Mesh| corner_positions(mesh).into_iter().step_by(3).collect::<Vec<_>>();
+    let found: Vec<_> = parts.iter().map(|(name, mesh)| (name.as_str(), first_corners(mesh))).collect();
+    assert_eq!(found, [("one", vec![[3.0, 4.0, 5.0]]), ("two", vec![[1.0; 3], [2.0; 3]])]);
+    for (text, words) in [("vn 0 0 1\n", "no triangle and no point;"), ("v 3 4\n", "damaged OBJ")] {
+        let error = parts_of(text.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn one_name_is_one_part_of_an_obj_whatever_its_materials() {
+    let text = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 0 5\no top\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\ng side\n\
+                f 2 3 4\no empty\nl 1 2\no top\nf 1 3 4\n";
+    let parts = parts_of(text.as_bytes()).unwrap();
+    let names: Vec<_> = parts.iter().map(|(name, mesh)| (name.as_str(), mesh.triangles.len())).collect();
+    assert_eq!(names, [("top", 3), ("side", 1)]);
+    assert_eq!(corner_positions(&parts[1].1), [[2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 5.0]]);
+    // Triangles without area are a surface, too.
+    let flat = parts_of(b"v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n").unwrap();
+    assert_eq!(corner_positions(&flat[0].1), [[1.0; 3]; 3]);
+}
+
+fn corner_positions(mesh: &Mesh) -> Vec<[f32; 3]> {
+    mesh.triangles.iter().flatten().map(|&vertex| mesh.positions[vertex as usize]).collect()
+}
+
 #[test]
 fn what_is_no_mesh_or_leads_elsewhere_is_refused_in_a_sentence() {
     assert_refused(read_bytes(b""), "no triangle");
@@ -366,6 +442,7 @@ fn mangled_meshes_are_errors_or_results_within_the_memory_limit() {
             }
             fs::write(&path, &bytes).unwrap();
             read += usize::from(read_mesh(&path, LIMIT).is_ok());
+            drop(read_mesh_parts(&path, LIMIT));
         }
         assert!((20..1450).contains(&read), "{read} of 1500 were read");
         let largest = LARGEST.get() as u64;

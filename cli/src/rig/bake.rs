@@ -29,7 +29,7 @@ pub(super) struct BakeArguments {
     #[arg(long, value_name = "MODEL", default_value = "auto")]
     model: String,
     /// Samples of the surface from which lights are seen
-    #[arg(long, value_name = "N", default_value = "256", value_parser = samples_of)]
+    #[arg(long, value_name = "N", default_value = "512", value_parser = samples_of)]
     samples: usize,
     /// surface: least squares over the samples; nodes: the middle and the lattice's nodes, without looking at the surface
     #[arg(long, value_name = "WAY", value_enum, default_value = "surface")]

@@ -7,10 +7,10 @@ use crate::{
 };
 
 /// Samples of a rig.
-pub const SAMPLES: std::ops::RangeInclusive<usize> = 1..=4096;
+pub const SAMPLES: std::ops::RangeInclusive<usize> = 1..=1024;
 
 /// Points at which errors are measured.
-const SURFACE_POINTS: usize = 1024;
+const SURFACE_POINTS: usize = 512;
 
 /// What decides where points lie on a surface; any number.
 const SEED: u64 = 7;
@@ -51,7 +51,7 @@ impl Ground {
             name: name.to_owned(),
             frame: surface.frame()?,
             samples: surface.spread(samples, SEED)?,
-            surface: surface.strewn(SURFACE_POINTS, SEED)?,
+            surface: surface.spread(SURFACE_POINTS, SEED + 1)?,
         })
     }
 

@@ -113,24 +113,27 @@ fn nalgebra_free_pseudo_inverse_is_zero(model: &Model, points: &[[f64; 3]], para
 fn where_a_mesh_stands_and_how_large_it_is_changes_nothing() {
     let near = sphere(24);
     let model = Model::parse("gradient").unwrap();
+    // What a rig makes of light that falls off over the mesh, in the mesh's own measure.
     let fit = |shape: &shapes::Shape| {
         let ground = Ground::new("", &shape.surface(), 128).unwrap();
-        ground.without_errors(&model, Fitting::Surface).operator
+        let operator = ground.without_errors(&model, Fitting::Surface).operator;
+        let light = |s: &relight_rig::SurfacePoint| libm::exp(-ground.frame.coordinates(s.position)[0]);
+        fitted(&operator, &ground.samples.iter().map(light).collect::<Vec<_>>())
     };
     let reference = fit(&near);
     for (offset, scale) in [(0.0, 1e-6), (0.0, 1e6), (0.0, 1e-18), (0.0, 1e15), (100.0, 1.0), (4096.0, 1.0)] {
         let moved = near.clone().moved(|p| p.map(|c| c * scale + offset));
-        let worst = fit(&moved).iter().zip(&reference).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        // Positions of f32 move by a part of 2^-24 of the offset; samples stay the same ones.
-        let allowed = 1e-6 + f64::from(offset) * 2e-7;
-        assert!(worst < allowed, "offset {offset}, scale {scale}: {worst}");
+        let found = fit(&moved);
+        let worst = found.iter().zip(&reference).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        // Rounded positions make other ones of equally good samples.
+        assert!(worst < 0.02, "offset {offset}, scale {scale}: {found:?} for {reference:?}");
     }
     // Far away the mesh's own positions are on a grid of 1/16: it still has a rig of finite numbers.
     let far = near.moved(|p| [p[0] + 1e6, p[1] - 1e6, p[2] + 1e6]);
-    let operator = fit(&far);
-    assert!(operator.iter().all(|value| value.is_finite()));
-    let ones = fitted(&operator, &vec![1.0; operator.len() / 4]);
-    assert!((ones[0] - 1.0).abs() < 1e-9 && ones[1..].iter().all(|slope| slope.abs() < 1e-9), "{ones:?}");
+    let found = fit(&far);
+    for (a, b) in found.iter().zip(&reference) {
+        assert!((a - b).abs() < 0.1, "{found:?} for {reference:?}");
+    }
 }
 
 /// Ratio of the largest to the least eigenvalue of M^T M, by Jacobi rotations.

@@ -4,15 +4,16 @@
 //! its iterators run.
 
 use super::data_uri::{Named, named_by};
-use super::{BYTES_OF_CORNER, bytes_of, check_memory};
+use super::{BYTES_OF_CORNER, Elements, Piece, check_memory};
 use crate::FormatError;
+use crate::machine::bytes_of;
 use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer::{Source, View};
 use gltf::mesh::Mode;
 use gltf::{Accessor, Document, Gltf, Node, Primitive, Semantic};
 use relight_core::vectors::cross;
 use relight_surface::Mesh;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 /// Columns of a matrix that takes points of a node to the scene.
@@ -22,7 +23,12 @@ const AS_IT_IS: Placement =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 
 /// The primitives of a file's scene, each in the axes of the scene.
-pub(super) fn read(bytes: &[u8], path: &Path, memory_limit: u64) -> Result<Vec<Mesh>, FormatError> {
+pub(super) fn read(
+    bytes: &[u8],
+    path: &Path,
+    memory_limit: u64,
+    elements: Elements,
+) -> Result<Vec<Piece>, FormatError> {
     // A number of the document's text becomes a value of some tens of bytes.
     check_memory((bytes.len() as u64).saturating_mul(2), memory_limit, path)?;
     let Gltf { document, blob } = checked(bytes).map_err(|error| of_gltf(path, &error))?;
@@ -34,13 +40,44 @@ pub(super) fn read(bytes: &[u8], path: &Path, memory_limit: u64) -> Result<Vec<M
     }
     let mut file = GltfFile { path, memory_left: memory_limit, buffers: Vec::new() };
     file.read_buffers(&document, blob)?;
-    let mut parts = Vec::new();
-    for (mesh, placement) in file.placed_meshes(&document)? {
+    let mut pieces = Vec::new();
+    let mut names = Names::default();
+    for PlacedMesh { name, mesh, placement } in file.placed_meshes(&document)? {
+        let part = names.unlike_others(name);
         for primitive in mesh.primitives() {
-            parts.extend(file.part(&primitive, &placement)?);
+            let mesh = file.mesh_of(&primitive, &placement, elements)?;
+            pieces.extend(mesh.map(|mesh| Piece { part: part.clone(), mesh }));
         }
     }
-    Ok(parts)
+    Ok(pieces)
+}
+
+/// A mesh where a node puts it.
+struct PlacedMesh<'d> {
+    name: String,
+    mesh: gltf::Mesh<'d>,
+    placement: Placement,
+}
+
+/// Names that were given.
+#[derive(Default)]
+struct Names {
+    given: HashSet<String>,
+    /// The number after a name that came twice.
+    last: HashMap<String, usize>,
+}
+
+impl Names {
+    /// `name`, numbered where it was given before.
+    fn unlike_others(&mut self, name: String) -> String {
+        let mut unlike = name.clone();
+        while !self.given.insert(unlike.clone()) {
+            let last = self.last.entry(name.clone()).or_insert(1);
+            *last += 1;
+            unlike = format!("{name} {last}");
+        }
+        unlike
+    }
 }
 
 /// The document, checked by the crate. It looks at the bounds of positions before it knows that they exist, so
@@ -118,12 +155,17 @@ impl GltfFile<'_> {
     }
 
     /// The meshes of the scene where their nodes put them; all as they are in a file without a scene.
-    fn placed_meshes<'d>(
-        &self,
-        document: &'d Document,
-    ) -> Result<Vec<(gltf::Mesh<'d>, Placement)>, FormatError> {
+    fn placed_meshes<'d>(&self, document: &'d Document) -> Result<Vec<PlacedMesh<'d>>, FormatError> {
+        let named = |name: Option<&str>, mesh: &gltf::Mesh<'_>, index: usize| {
+            name.or(mesh.name()).map_or_else(|| format!("node {index}"), str::to_owned)
+        };
         let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
-            return Ok(document.meshes().map(|mesh| (mesh, AS_IT_IS)).collect());
+            let as_it_is = |mesh: gltf::Mesh<'d>| PlacedMesh {
+                name: named(None, &mesh, mesh.index()),
+                mesh,
+                placement: AS_IT_IS,
+            };
+            return Ok(document.meshes().map(as_it_is).collect());
         };
         let mut placed = Vec::new();
         let mut seen = HashSet::new();
@@ -136,7 +178,11 @@ impl GltfFile<'_> {
             }
             let own = node.transform().matrix().map(|column| column.map(f64::from));
             let placement = own.map(|column| transformed(&parent, column));
-            placed.extend(node.mesh().map(|mesh| (mesh, placement)));
+            placed.extend(node.mesh().map(|mesh| PlacedMesh {
+                name: named(node.name(), &mesh, node.index()),
+                mesh,
+                placement,
+            }));
             let from = ahead.len();
             ahead.extend(node.children().map(|child| (child, placement)));
             ahead[from..].reverse();
@@ -144,14 +190,21 @@ impl GltfFile<'_> {
         Ok(placed)
     }
 
-    /// A primitive's triangles; `None` for points and lines.
-    fn part(
+    /// A primitive's triangles or points; `None` where it is of something else.
+    fn mesh_of(
         &mut self,
         primitive: &Primitive<'_>,
         placement: &Placement,
+        elements: Elements,
     ) -> Result<Option<Mesh>, FormatError> {
         let mode = primitive.mode();
-        if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
+        let wanted = match elements {
+            Elements::Triangles => {
+                matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
+            }
+            Elements::Points => mode == Mode::Points,
+        };
+        if !wanted {
             return Ok(None);
         }
         let positions =
@@ -250,6 +303,7 @@ fn triangles_of(mode: Mode, order: &[u32]) -> Vec<[u32; 3]> {
             order.windows(3).enumerate().map(turned).collect()
         }
         Mode::TriangleFan => order.windows(2).skip(1).map(|pair| [order[0], pair[0], pair[1]]).collect(),
+        Mode::Points => order.iter().map(|&point| [point; 3]).collect(),
         _ => order.as_chunks::<3>().0.to_vec(),
     }
 }

@@ -1,6 +1,6 @@
 //! Wavefront OBJ.
 
-use super::{BYTES_OF_CORNER, check_memory};
+use super::{BYTES_OF_CORNER, Elements, Piece, check_memory};
 use crate::FormatError;
 use relight_surface::Mesh;
 use std::path::Path;
@@ -8,8 +8,13 @@ use std::path::Path;
 const OPTIONS: tobj::LoadOptions =
     tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
 
-/// The objects of a file, polygons as fans of triangles.
-pub(super) fn read(bytes: &[u8], path: &Path, memory_limit: u64) -> Result<Vec<Mesh>, FormatError> {
+/// The objects of a file, polygons as fans of triangles; or all its vertices as points.
+pub(super) fn read(
+    bytes: &[u8],
+    path: &Path,
+    memory_limit: u64,
+    elements: Elements,
+) -> Result<Vec<Piece>, FormatError> {
     if bytes.contains(&0) {
         let problem =
             "it is neither glTF nor the text of an OBJ file; export the mesh as .glb, .gltf or .obj";
@@ -17,14 +22,17 @@ pub(super) fn read(bytes: &[u8], path: &Path, memory_limit: u64) -> Result<Vec<M
     }
     // A corner takes two bytes of text at least and gives three corners of triangles at most.
     check_memory((bytes.len() as u64).saturating_mul(3 * BYTES_OF_CORNER / 2), memory_limit, path)?;
+    if elements == Elements::Points {
+        return points(bytes, path);
+    }
     let no_materials = |_: &Path| Ok(Default::default());
     let (models, _) = tobj::load_obj_buf(&mut &*bytes, &OPTIONS, no_materials).map_err(|error| {
         FormatError::invalid(path, format!("damaged OBJ: {error}; export the mesh again"))
     })?;
-    Ok(models.into_iter().map(|model| part(model.mesh)).collect())
+    Ok(models.into_iter().map(|model| Piece { part: model.name, mesh: mesh_of(model.mesh) }).collect())
 }
 
-fn part(mesh: tobj::Mesh) -> Mesh {
+fn mesh_of(mesh: tobj::Mesh) -> Mesh {
     let threes = |values: &[f32]| values.as_chunks::<3>().0.to_vec();
     Mesh {
         positions: threes(&mesh.positions),
@@ -35,4 +43,36 @@ fn part(mesh: tobj::Mesh) -> Mesh {
         uv2: Vec::new(),
         triangles: mesh.indices.as_chunks::<3>().0.to_vec(),
     }
+}
+
+/// Every vertex by the object or group in which it stands; without normals. The crate reads no points.
+fn points(bytes: &[u8], path: &Path) -> Result<Vec<Piece>, FormatError> {
+    let mut pieces: Vec<Piece> = Vec::new();
+    let mut part = String::new();
+    for line in bytes.split(|byte| *byte == b'\n') {
+        let line = String::from_utf8_lossy(line);
+        let (word, rest) = line.trim().split_once(char::is_whitespace).unwrap_or_default();
+        if let "o" | "g" = word {
+            part = rest.trim().to_owned();
+        }
+        if word != "v" {
+            continue;
+        }
+        let mut numbers = rest.split_whitespace().map(|number| number.parse().ok());
+        let position = [numbers.next(), numbers.next(), numbers.next()].map(Option::flatten);
+        let [Some(x), Some(y), Some(z)] = position else {
+            return Err(FormatError::invalid(
+                path,
+                "damaged OBJ: a vertex has no 3 numbers; export the mesh again",
+            ));
+        };
+        if pieces.last().is_none_or(|piece| piece.part != part) {
+            pieces.push(Piece { part: part.clone(), mesh: Mesh::default() });
+        }
+        if let Some(Piece { mesh, .. }) = pieces.last_mut() {
+            mesh.triangles.push([mesh.positions.len() as u32; 3]);
+            mesh.positions.push([x, y, z]);
+        }
+    }
+    Ok(pieces)
 }
