@@ -1,6 +1,7 @@
 //! `relight rig`: moving meshes lit to match by a few vectors of spherical harmonics.
 
 mod bake;
+mod export;
 mod mesh;
 mod plan;
 mod render;
@@ -28,6 +29,8 @@ enum Command {
     Render(render::RenderArguments),
     /// Draw errors against distance, a curve a model, and what each model costs
     Report(report::ReportArguments),
+    /// Write what a scene gives a rig as an engine keeps it
+    Export(export::ExportArguments),
 }
 
 /// Runs the subcommand.
@@ -37,6 +40,7 @@ pub(crate) fn run(arguments: &RigArguments) -> Result<(), Failure> {
         Command::Plan(arguments) => plan::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Report(arguments) => report::run(arguments),
+        Command::Export(arguments) => export::run(arguments),
     }
 }
 

@@ -34,6 +34,11 @@ impl Axes {
         self.along.map(|(axis, sign)| sign * of_scene[axis])
     }
 
+    /// A matrix that acts on vectors of the scene, as one that acts on those of the target; rows.
+    pub fn matrix(&self, of_scene: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
+        self.along.map(|(row, down)| self.along.map(|(column, across)| down * across * of_scene[row][column]))
+    }
+
     /// A box of the scene in the target's axes.
     pub fn frame(&self, frame: &Frame) -> Frame {
         let half_extent = self.along.map(|(axis, _)| frame.half_extent[axis]);
