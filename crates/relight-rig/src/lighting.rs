@@ -49,7 +49,7 @@ impl RigPart {
     /// The rig's vectors under the lights of a projector, in f32: many lights at once.
     pub fn coefficients_by(
         &self,
-        projector: &Projector<'_>,
+        projector: &Projector,
         placement: &Placement,
         bands: usize,
         level: CpuLevel,

@@ -103,11 +103,9 @@ impl Projection {
                 }
             }
         }
-        for i in 0..bands * bands {
-            projection.values[i] = values[i][0];
-            for axis in 0..3 {
-                projection.slopes[i][axis] += slopes[i][axis][0];
-            }
+        for (i, (value, slopes)) in values.iter().zip(&slopes).enumerate() {
+            projection.values[i] = value[0];
+            projection.slopes[i] = [0, 1, 2].map(|axis| projection.slopes[i][axis] + slopes[axis][0]);
         }
         projection
     }

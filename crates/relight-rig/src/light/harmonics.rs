@@ -111,7 +111,7 @@ impl Zonal {
             for slope in slopes {
                 let l = slope.of.isqrt();
                 // Y_(l-1) gains from the band above, Y_l from the one below.
-                let [above, below] = [self.from_above(l - 1), self.from_below(l)];
+                let [above, below] = [self.above(l - 1), self.below(l)];
                 let weights = [
                     (slope.from, above / (2 * l + 1) as f64 * functions[slope.of]),
                     (slope.of, below * functions[slope.from]),
@@ -128,12 +128,12 @@ impl Zonal {
     }
 
     /// What band l + 1 gives to the slopes of band l.
-    fn from_above(&self, l: usize) -> f64 {
+    fn above(&self, l: usize) -> f64 {
         self.slopes[l] + l as f64 * self.values[l]
     }
 
     /// What band l - 1 gives to the slopes of band l; l may be [`MOST_BANDS`], which has none.
-    fn from_below(&self, l: usize) -> f64 {
+    fn below(&self, l: usize) -> f64 {
         if l == MOST_BANDS {
             return 0.0;
         }

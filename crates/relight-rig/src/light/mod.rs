@@ -5,11 +5,17 @@
 
 mod disc;
 mod disc_harmonics;
+mod disc_nodes;
 mod harmonics;
+mod lanes;
+mod projector;
 mod quadrature;
+mod reflectance;
 mod sphere;
 
 pub use harmonics::{MOST_BANDS, cosine_lobe};
+pub use projector::Projector;
+pub use reflectance::{SurfaceRows, add_reflectance};
 
 use disc::View;
 use disc_harmonics::Projection;

@@ -84,7 +84,7 @@ const GRAZING: f64 = 0.3;
 
 /// (atan(k) - k) / k^3 from k^2, up to 0.35^2.
 fn arctangent_rest(k2: f64) -> f64 {
-    (1..=17).rev().fold(0.0, |sum, n| odd_reciprocal(n) - k2 * sum) * -1.0
+    -(1..=17).rev().fold(0.0, |sum, n| odd_reciprocal(n) - k2 * sum)
 }
 
 /// 1 / (2n + 1).
