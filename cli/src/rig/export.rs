@@ -164,8 +164,10 @@ fn weight(function: AxisFunction) -> Value {
     }
 }
 
+/// As floats, in the fewest digits that read back as the same float.
 fn floats(values: &[[f64; 3]]) -> Value {
-    json!(values.iter().map(|value| value.map(|v| v as f32)).collect::<Vec<_>>())
+    let shortest = |v: f64| (v as f32).to_string().parse::<f64>().unwrap_or(v);
+    json!(values.iter().map(|value| value.map(shortest)).collect::<Vec<_>>())
 }
 
 fn volume(turned: &Turned, target: &Target) -> Value {

@@ -221,7 +221,7 @@ fn direction(state: &mut u64) -> [f64; 3] {
 fn sight(i: usize, state: &mut u64) -> SphereSight {
     let sine = SINES[i % SINES.len()];
     let (normal, aside) = (direction(state), direction(state));
-    let height = random(state) * if i % 4 == 0 { 1.0 } else { (1.2 * sine).min(1.0) };
+    let height = random(state) * if i.is_multiple_of(4) { 1.0 } else { (1.2 * sine).min(1.0) };
     let along = dot(normal, aside);
     let level = [0, 1, 2].map(|c| aside[c] - along * normal[c]);
     let level = unit(level).unwrap_or(aside);

@@ -9,10 +9,10 @@ use std::f64::consts::PI;
 const ROUNDING: f64 = 1.0 / 16_777_216.0;
 
 /// Roundings of a vector's sum: 18 harmonics at most, a few operations each, of which few err the same way.
-const ROUNDINGS_OF_SUM: f64 = 32.0;
+const ROUNDINGS_OF_SUM: f64 = 8.0;
 
-/// Roundings of a coordinate in the box: its difference, scale, shift and the GPU's division.
-const ROUNDINGS_OF_COORDINATE: f64 = 8.0;
+/// Roundings of a coordinate in the box: its difference, scale and shift.
+const ROUNDINGS_OF_COORDINATE: f64 = 4.0;
 
 /// Of a sphere light against that of one that faces, away from the surface and as (1 - r / d)^(-1/2) near it: three times what
 /// lavapipe was measured to have. The slope over r / d has that root in it, and r / d is a rounded float.

@@ -13,7 +13,7 @@ use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI};
 const TURN: f32 = 0.414_213_57;
 
 /// (atan k - k) / k^3 as a polynomial of k^2 for k up to [`TURN`], off by at most 1.6e-8: least squares at Chebyshev nodes.
-const LESS: [f32; 5] = [-0.333_333_31, 0.199_995_5, -0.142_642_32, 0.107_462_99, -0.064_593_76];
+const LESS: [f32; 5] = [-0.333_333_3, 0.199_995_5, -0.142_642_32, 0.107_462_99, -0.064_593_76];
 
 /// Up to this s the two terms that cancel are one difference; beyond it w / c grows.
 const NEAR: &str = "0.9";
