@@ -217,11 +217,11 @@ fn direction(state: &mut u64) -> [f64; 3] {
     }
 }
 
-/// A light of one of [`SINES`], at most 1.2 of its half angles from the horizon, above or below; one in four anywhere.
+/// A light of one of [`SINES`], at most 1.2 of its half angles from the horizon, above or below; one in five anywhere (which shares no factor with how many there are).
 fn sight(i: usize, state: &mut u64) -> SphereSight {
     let sine = SINES[i % SINES.len()];
     let (normal, aside) = (direction(state), direction(state));
-    let height = random(state) * if i.is_multiple_of(4) { 1.0 } else { (1.2 * sine).min(1.0) };
+    let height = random(state) * if i.is_multiple_of(5) { 1.0 } else { (1.2 * sine).min(1.0) };
     let along = dot(normal, aside);
     let level = [0, 1, 2].map(|c| aside[c] - along * normal[c]);
     let level = unit(level).unwrap_or(aside);
