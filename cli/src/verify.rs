@@ -1,6 +1,7 @@
-//! `relight verify`: an asset drawn by the GPU, beside the CPU's reference.
+//! `relight verify`: an asset drawn by the GPU, or a rig evaluated by it, beside the CPU's reference.
 
 mod report;
+mod rig;
 
 use crate::failure::{Exit, Failure};
 use crate::options::{Machine, MachineOptions};
@@ -10,7 +11,7 @@ use indicatif::ProgressBar;
 use relight_core::relighter::relight;
 use relight_core::sphere::{Cap, fibonacci_in};
 use relight_core::{Direction, RelightingMaps};
-use relight_formats::{read_asset, read_light_file, read_packed};
+use relight_formats::{is_rig, read_asset, read_light_file, read_packed};
 use relight_gpu::{Backend, DecodingBound, Difference, Gpu, GpuMaps, TextureMode, decoding_differences};
 use relight_texture::PackedMaps;
 use report::{LightFigures, ModeFigures, Verification};
@@ -20,13 +21,13 @@ use std::path::{Path, PathBuf};
 #[derive(Args, Debug)]
 #[group(id = "verify")]
 pub(crate) struct VerifyArguments {
-    /// The asset: .ktx2 or .dds, or the .json beside textures; .exr, .ptm and .rti too
+    /// The asset: .ktx2 or .dds, or the .json beside textures; .exr, .ptm and .rti too. Or a .rig
     asset: PathBuf,
     /// Draw under the lights of this file; by default under those that were fitted, or where the
     /// asset does not name them, lights spread over the hemisphere
     #[arg(long, value_name = "FILE.lp")]
     lights: Option<PathBuf>,
-    /// How many lights to take where no file names them
+    /// How many lights to take where no file names them; of a rig, sets of random coefficients
     #[arg(long, value_name = "N", default_value_t = 20, conflicts_with = "lights",
         value_parser = clap::value_parser!(u16).range(1..=4096))]
     count: u16,
@@ -38,9 +39,10 @@ pub(crate) struct VerifyArguments {
     /// the same capture
     #[arg(long, value_name = "ASSET", requires = "tolerance")]
     against: Option<PathBuf>,
-    /// Who decodes the texels: the GPU (native), relight (decoded), or one after the other (both)
-    #[arg(long, value_name = "MODE", value_enum, default_value = "both")]
-    mode: Mode,
+    /// Who decodes the texels: the GPU (native), relight (decoded), or one after the
+    /// other (both), the default
+    #[arg(long, value_name = "MODE", value_enum)]
+    mode: Option<Mode>,
     /// How to reach the GPU: any, vulkan or gl
     #[arg(long, value_name = "BACKEND", default_value = "any", value_parser = backend_of)]
     backend: Backend,
@@ -98,20 +100,20 @@ pub(crate) fn backend_of(text: &str) -> Result<Backend, String> {
 /// Runs the subcommand.
 pub(crate) fn run(arguments: &VerifyArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
+    if is_rig(&arguments.asset) {
+        return rig::run(arguments, &machine);
+    }
+    let mode = arguments.mode.unwrap_or(Mode::Both);
     let packed = read_packed(&arguments.asset, machine.memory)?;
     let left = machine.memory.saturating_sub(packed_bytes(&packed));
     let judge = arguments.against.as_ref().unwrap_or(&arguments.asset);
     let reference = read_asset(judge, left)?;
     check_comparable(&arguments.asset, &packed, judge, &reference)?;
-    if arguments.mode != Mode::Native {
+    if mode != Mode::Native {
         check_floats_fit(&packed, left.saturating_sub(reference.texel_bytes()))?;
     }
     let lights = lights(arguments, &packed)?;
-    let gpu = Gpu::open(arguments.backend).map_err(|error| {
-        let required = arguments.require_gpu || std::env::var("RELIGHT_REQUIRE_GPU").is_ok_and(|v| v == "1");
-        let skipped = if required { "" } else { "verification skipped: " };
-        Failure::new(Exit::Unsupported, format!("{skipped}{error}"))
-    })?;
+    let gpu = open(arguments)?;
     let verification = verify(arguments, &gpu, &packed, &reference, &lights, &machine)?;
     if arguments.json {
         crate::say::say!("{:#}", verification.to_json());
@@ -119,6 +121,15 @@ pub(crate) fn run(arguments: &VerifyArguments) -> Result<(), Failure> {
         verification.print();
     }
     verification.verdict()
+}
+
+/// The GPU that was asked for.
+fn open(arguments: &VerifyArguments) -> Result<Gpu, Failure> {
+    Gpu::open(arguments.backend).map_err(|error| {
+        let required = arguments.require_gpu || std::env::var("RELIGHT_REQUIRE_GPU").is_ok_and(|v| v == "1");
+        let skipped = if required { "" } else { "verification skipped: " };
+        Failure::new(Exit::Unsupported, format!("{skipped}{error}"))
+    })
 }
 
 fn packed_bytes(packed: &PackedMaps) -> u64 {
@@ -216,7 +227,8 @@ fn verify(
     // What decoding explains says nothing about another asset.
     let bound = arguments.against.is_none().then(|| DecodingBound::new(reference, &packed.packing));
     let maps_per_pass = arguments.maps_per_pass.map(usize::from);
-    let modes = arguments.mode.texture_modes();
+    let mode = arguments.mode.unwrap_or(Mode::Both);
+    let modes = mode.texture_modes();
     let bar = progress::bar("verifying", modes.len() * lights.len());
     let mut figures = Vec::new();
     let mut decoded = Vec::new();
@@ -239,7 +251,7 @@ fn verify(
         }
         figures.push(ModeFigures { mode, lights: of_lights });
     }
-    let decoding = match arguments.mode {
+    let decoding = match mode {
         Mode::Decoded => Vec::new(),
         Mode::Native | Mode::Both => decoding_differences(gpu, packed, 0)?,
     };

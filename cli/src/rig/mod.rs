@@ -2,6 +2,7 @@
 
 mod bake;
 mod curves;
+mod export;
 mod mesh;
 mod plan;
 mod render;
@@ -29,6 +30,8 @@ enum Command {
     Render(render::RenderArguments),
     /// Draw errors against distance, a curve a model, and what each model costs
     Report(report::ReportArguments),
+    /// Write what a scene gives a rig as an engine keeps it
+    Export(export::ExportArguments),
 }
 
 /// Runs the subcommand.
@@ -38,6 +41,7 @@ pub(crate) fn run(arguments: &RigArguments) -> Result<(), Failure> {
         Command::Plan(arguments) => plan::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Report(arguments) => report::run(arguments),
+        Command::Export(arguments) => export::run(arguments),
     }
 }
 

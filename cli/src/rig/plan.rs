@@ -136,7 +136,7 @@ fn has_analytic_spheres(plan: &Plan, moments: &Moments) -> bool {
 fn write_table(path: &Path) -> Result<(), Failure> {
     let table = SphereTable::new(TableAxes::Angles, TABLE);
     let paper = SphereTable::new(TableAxes::Cosine, 128);
-    let grey = |table: &SphereTable| digits(255.0 * table.largest_error(FINENESS));
+    let grey = |table: &SphereTable| digits(table.largest_error());
     say!(
         "{}: {TABLE} x {TABLE}, errs by {} grey levels at most (the paper's parameters in 128 x 128: {})",
         path.display(),

@@ -2,7 +2,7 @@
 
 use crate::failure::{Exit, Failure};
 use crate::options::Machine;
-use relight_formats::{RigFile, read_scene};
+use relight_formats::{RigFile, SceneFile, read_scene};
 use relight_rig::{Light, PlacedPart, Placement};
 use std::path::{Path, PathBuf};
 
@@ -32,27 +32,32 @@ pub(super) fn moments(path: &Path, rig: &RigFile, machine: &Machine) -> Result<M
     let file = read_scene(path, machine.level, machine.memory)?;
     let is_sequence = !file.times.is_empty();
     let times = if is_sequence { file.times.clone() } else { vec![0.0] };
-    let parts = &rig.rig.parts;
-    let list = times.into_iter().map(|time| {
-        let scene = file.rig_scene(path, time)?;
-        if let Some((name, _)) =
-            scene.parts.iter().find(|(name, _)| parts.iter().all(|part| part.name != *name))
-        {
-            let known: Vec<_> = parts.iter().map(|part| format!("'{}'", part.name)).collect();
-            let words = match &known[..] {
-                [whole] if whole == "''" => "was baked as one; bake it again with --parts".to_owned(),
-                _ => format!("has {}", known.join(", ")),
-            };
-            let words = format!("{}: it moves part '{name}', but the rig {words}", path.display());
-            return Err(Failure::new(Exit::BadInput, words));
-        }
-        let of_part =
-            |name: &str| scene.parts.iter().find(|part| part.0 == name).map_or(scene.object, |part| part.1);
-        let placements = parts.iter().map(|part| of_part(&part.name)).collect();
-        Ok(Moment { time, lights: scene.lights, placements })
-    });
+    let list = times.into_iter().map(|time| moment(path, &file, rig, time));
     let list = list.collect::<Result<_, Failure>>()?;
     Ok(Moments { list, is_sequence, inputs: file.inputs.into_iter().chain([path.to_owned()]).collect() })
+}
+
+/// A scene at a time, for a rig.
+///
+/// # Errors
+/// [`Exit::BadInput`] where it moves a part that the rig has not.
+pub(super) fn moment(path: &Path, file: &SceneFile, rig: &RigFile, time: f64) -> Result<Moment, Failure> {
+    let parts = &rig.rig.parts;
+    let scene = file.rig_scene(path, time)?;
+    if let Some((name, _)) = scene.parts.iter().find(|(name, _)| parts.iter().all(|part| part.name != *name))
+    {
+        let known: Vec<_> = parts.iter().map(|part| format!("'{}'", part.name)).collect();
+        let words = match &known[..] {
+            [whole] if whole == "''" => "was baked as one; bake it again with --parts".to_owned(),
+            _ => format!("has {}", known.join(", ")),
+        };
+        let words = format!("{}: it moves part '{name}', but the rig {words}", path.display());
+        return Err(Failure::new(Exit::BadInput, words));
+    }
+    let of_part =
+        |name: &str| scene.parts.iter().find(|part| part.0 == name).map_or(scene.object, |part| part.1);
+    let placements = parts.iter().map(|part| of_part(&part.name)).collect();
+    Ok(Moment { time, lights: scene.lights, placements })
 }
 
 impl Moments {

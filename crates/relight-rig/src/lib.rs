@@ -9,6 +9,7 @@
 //! Positions are in the units of the mesh, radiance in that of the scene: a white diffuser that reflects 1 is white.
 
 mod auto;
+pub mod convention;
 mod error;
 mod errors;
 mod fit;
@@ -22,6 +23,7 @@ mod plan;
 mod rig;
 mod shading;
 mod surface;
+mod zh3;
 
 pub use auto::{Choice, LightFamily, cheapest};
 pub use error::RigError;

@@ -21,6 +21,8 @@
 //! | `relight_point_light` | direction and attenuation of a light at a place |
 //! | `.._pass`, `.._finish` | with [`ShaderOptions::maps_per_pass`]: the sum of some layers, and base colour times the whole sum |
 //!
+//! [`rig_shader`] writes the source that lights a moving mesh by its irradiance rig instead.
+//!
 //! ```
 //! use relight_core::{Design, Family, Layout, LightSet, Model, Space};
 //! use relight_shader::{Language, ShaderOptions, shader};
@@ -46,10 +48,13 @@ mod language;
 mod layers;
 mod light;
 mod literal;
+mod rig;
+mod rig_sphere;
 mod source;
 mod sum;
 
 pub use language::Language;
+pub use rig::{RigShaderOptions, rig_shader};
 
 use layers::{Layer, Layers, Shared};
 use relight_core::Model;

@@ -29,7 +29,7 @@ fn sources(counts: &[usize], language: Language) -> Vec<(String, Model, Packing,
     all
 }
 
-fn validated(source: &str) -> naga::Module {
+pub(crate) fn validated(source: &str) -> naga::Module {
     let module = naga::front::wgsl::parse_str(source)
         .unwrap_or_else(|error| panic!("{}\n{source}", error.emit_to_string(source)));
     let flags = naga::valid::ValidationFlags::all();
@@ -95,7 +95,7 @@ fn naga_accepts_wgsl() {
 ///
 /// # Panics
 /// Where it is not although RELIGHT_REQUIRE_GLSLANG is 1.
-fn glslang_is_there() -> bool {
+pub(crate) fn glslang_is_there() -> bool {
     let there = Command::new("glslangValidator").arg("--version").output().is_ok();
     if !there {
         let required = std::env::var("RELIGHT_REQUIRE_GLSLANG").is_ok_and(|value| value == "1");
@@ -107,7 +107,7 @@ fn glslang_is_there() -> bool {
 
 /// Runs glslangValidator on files of these sources, `at_once` a call; panics with its words and the
 /// sources that it refuses.
-fn glslang(options: &[&str], suffix: &str, sources: &[String], at_once: usize) {
+pub(crate) fn glslang(options: &[&str], suffix: &str, sources: &[String], at_once: usize) {
     let folder = tempfile::tempdir().unwrap();
     for of_call in sources.chunks(at_once) {
         let names: Vec<String> = (0..of_call.len()).map(|i| format!("{i}.{suffix}")).collect();

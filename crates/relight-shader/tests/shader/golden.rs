@@ -30,16 +30,20 @@ fn check(asset: &str, model: &Model, packing: &Packing) {
         for maps_per_pass in [None, Some(1)] {
             let text = shader(model, packing, 20, 12, &ShaderOptions { language, maps_per_pass });
             let suffix = if maps_per_pass.is_some() { "_passes" } else { "" };
-            let name = format!("tests/golden/{asset}{suffix}.{}", language.name());
-            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
-            if std::env::var("RELIGHT_UPDATE_GOLDEN").is_ok_and(|value| value == "1") {
-                std::fs::write(&path, &text).unwrap();
-            }
-            let golden = std::fs::read_to_string(&path).unwrap();
-            for (number, (got, expected)) in (1..).zip(text.lines().zip(golden.lines())) {
-                assert_eq!(got, expected, "{} line {number}", path.display());
-            }
-            assert_eq!(text, golden, "{}", path.display());
+            check_text(&format!("{asset}{suffix}.{}", language.name()), &text);
         }
     }
+}
+
+/// Holds a text to that of a file.
+pub(crate) fn check_text(name: &str, text: &str) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name);
+    if std::env::var("RELIGHT_UPDATE_GOLDEN").is_ok_and(|value| value == "1") {
+        std::fs::write(&path, text).unwrap();
+    }
+    let golden = std::fs::read_to_string(&path).unwrap();
+    for (number, (got, expected)) in (1..).zip(text.lines().zip(golden.lines())) {
+        assert_eq!(got, expected, "{} line {number}", path.display());
+    }
+    assert_eq!(text, golden, "{}", path.display());
 }

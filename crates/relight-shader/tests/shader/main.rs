@@ -7,3 +7,4 @@ mod golden;
 mod gpu;
 mod lopsided;
 mod numbers;
+mod rig;
