@@ -92,7 +92,9 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), Failure> {
         let tables: &[&str] = if has_spheres { &["sphere"] } else { &[] };
         let record = json!({
             "tolerance_grey": arguments.tolerance,
-            "strictness": plan.strictness,
+            "rules": file.rig.parts.iter().zip(&plan.rules).map(|(part, rule)| json!({
+                "part": part.name, "strictness": rule.strictness, "dropped": rule.dropped,
+            })).collect::<Vec<_>>(),
             "tables": tables,
             "seconds": seconds,
             "pictures": records(&plan, &moments, &file),
@@ -154,13 +156,16 @@ fn counts(plans: &[LightPlan]) -> [usize; 4] {
 }
 
 fn print(plan: &Plan, moments: &Moments, file: &RigFile, tolerance: f64, seconds: f64) {
-    let worst = plan.pictures.iter().map(|picture| picture.error_grey).fold(0.0, f64::max);
+    let errors: Vec<f64> = plan.pictures.iter().filter_map(|picture| picture.error_grey).collect();
     say!(
-        "{} pictures, strictness {}, errors up to {} of {tolerance} grey levels at surface points, {seconds:.2} s",
+        "{} pictures, errors up to {} of {tolerance} grey levels at surface points in {} of them, {seconds:.2} s",
         plan.pictures.len(),
-        digits(plan.strictness),
-        digits(worst)
+        digits(errors.iter().copied().fold(0.0, f64::max)),
+        errors.len()
     );
+    for (part, rule) in file.rig.parts.iter().zip(&plan.rules) {
+        say!("  {}: tabulated errors count {} times", label(&part.name), digits(rule.strictness));
+    }
     say!("  time    part             analytic  transition   rig  dropped");
     for (picture, moment) in plan.pictures.iter().zip(&moments.list) {
         for (part, plans) in file.rig.parts.iter().zip(&picture.parts) {

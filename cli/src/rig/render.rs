@@ -16,7 +16,7 @@ use relight_core::{Camera, Projection, Space, srgb_from_linear};
 use relight_formats::{
     PictureDepth, RigFile, create_folder, picture_depths, read_camera_file, read_rig, write_picture,
 };
-use relight_rig::{Pixels, PlacedPart, Plan, Reflected, plan, planned};
+use relight_rig::{LightPlan, Pixels, PlacedPart, Reflected, plan};
 use relight_surface::{Fragment, Mesh, rasterize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -130,7 +130,8 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         let drawing = Drawing { arguments, file: &file, meshes: &meshes, camera, moment, machine };
         let seen = drawing.seen()?;
         let start = Instant::now();
-        let lit = drawing.lit(&seen, arguments.by, plan.as_ref());
+        let plans = plan.as_ref().map(|plan| &plan.pictures[frame].parts[..]);
+        let lit = drawing.lit(&seen, arguments.by, plans);
         tally.seconds += start.elapsed().as_secs_f64();
         let picture = drawing.picture(&seen, &lit);
         if let Some(differences) = &differences {
@@ -295,17 +296,14 @@ impl<'a> Drawing<'a> {
     }
 
     /// The light that each part's pixels reflect.
-    fn lit(&self, seen: &Seen, way: Way, plan: Option<&Plan>) -> Vec<Reflected> {
+    fn lit(&self, seen: &Seen, way: Way, plans: Option<&[Vec<LightPlan>]>) -> Vec<Reflected> {
         let (bands, level, lights) = (self.file.rig.bands, self.machine.level, &self.moment.lights);
         let parts = seen.pixels.iter().enumerate().map(|(part, pixels)| {
             let placed = self.placed(part);
-            match (way, plan) {
+            match (way, plans) {
                 _ if pixels.is_empty() => Reflected::default(),
                 (Way::Rig, _) => pixels.by_rig(&placed, lights, bands, level),
-                (Way::Plan, Some(plan)) => {
-                    let plans = planned(plan, lights, &placed, bands, self.arguments.tolerance);
-                    pixels.by_plan(&placed, lights, &plans, bands, level)
-                }
+                (Way::Plan, Some(plans)) => pixels.by_plan(&placed, lights, &plans[part], bands, level),
                 _ => pixels.by_brute_force(&placed, lights, level),
             }
         });

@@ -5,7 +5,7 @@
 #![allow(clippy::print_stdout, reason = "a bench talks")]
 
 use relight_core::CpuLevel;
-use relight_rig::{Light, Projector, Source, SurfaceRows, add_reflectance};
+use relight_rig::{Light, MOST_BANDS, Projector, Source, SurfaceRows, add_reflectance};
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -53,7 +53,7 @@ fn least(units: usize, mut work: impl FnMut()) -> f64 {
 
 fn projection(name: &str, lights: &[Light], level: CpuLevel) {
     let weighted: Vec<_> = lights.iter().map(|light| (light, 1.0)).collect();
-    for bands in 1..=6 {
+    for bands in 1..=MOST_BANDS {
         let projector = Projector::new(&weighted, bands, ([0.0; 3], 1.0));
         let (mut values, mut slopes) = (vec![[0.0; 3]; bands * bands], vec![[[0.0; 3]; 3]; bands * bands]);
         let point = [0.1, -0.2, 0.3];

@@ -38,7 +38,7 @@ pub use model::{AxisFunction, MODELS, MOST_PARAMETERS, Model, ModelFamily};
 pub use operator::least_squares;
 pub use pixels::{Pixels, Reflected};
 pub use placement::Placement;
-pub use plan::{LightPlan, PicturePlan, PlacedPart, Plan, plan, planned};
+pub use plan::{LightPlan, PicturePlan, PlacedPart, Plan, Rule, plan};
 pub use rig::{ErrorTable, Frame, Quantity, Rig, RigPart, Sample, SurfacePoint};
 pub use shading::{RigRows, ShadedRig};
 pub use surface::Surface;

@@ -2,8 +2,8 @@
 //!
 //! Every part of a rig has its own answer for every light, from its error table: what the rig would get wrong scales with a
 //! light's radiance x (its radius / the part's)^2. Errors of lights meet at points of the surface and are seen in a picture, so
-//! one number for a whole sequence, the strictness, makes up for both: it multiplies all tabulated errors and is the
-//! least with which the plan, measured at points of the surface in encoded grey levels, keeps the tolerance in every picture.
+//! one number a part for a whole sequence, the strictness, makes up for both: it multiplies all tabulated errors and is
+//! the least with which the plan, measured at points of the surface in encoded grey levels, keeps the tolerance in every picture.
 //! Weights depend on it, on a light's own distance and on its strength alone, all of which change smoothly, so nothing pops.
 //!
 //! Source: *Irradiance Rigs*, section 3; the scale and the envelope are MATH.md's (section 1.4).
@@ -31,8 +31,11 @@ const DROPPED_SHARE: f64 = 0.5;
 /// Strictnesses that are tried, as powers of the square root of 2.
 const STRICTNESS: std::ops::RangeInclusive<i32> = -12..=40;
 
-/// Numbers that one light's errors at all surface points take are bounded to this, all lights together.
-const MOST_ERRORS: usize = 2_000_000;
+/// Errors that are held at once, 24 bytes each: of a part's lights at its points in all pictures that are looked at.
+const MOST_ERRORS: usize = 8_000_000;
+
+/// Pictures in which errors are measured, at most.
+const MOST_PICTURES: usize = 64;
 
 /// Surface points at which errors are measured, at least and at most.
 const FEWEST_POINTS: usize = 64;
@@ -68,89 +71,107 @@ pub struct LightPlan {
 pub struct PicturePlan {
     /// By part, then light.
     pub parts: Vec<Vec<LightPlan>>,
-    /// Largest error that was measured, in grey levels of an sRGB-encoded picture.
-    pub error_grey: f64,
+    /// Largest error at points of the surface, in grey levels of an sRGB-encoded picture, where it was measured.
+    pub error_grey: Option<f64>,
 }
 
 /// The plan of a sequence.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
-    /// What tabulated errors were multiplied by.
-    pub strictness: f64,
-    /// Reflected radiance that lights left out may have together.
-    pub dropped_limit: f64,
+    /// What was asked for.
+    pub tolerance_grey: f64,
+    /// By part.
+    pub rules: Vec<Rule>,
     /// By picture.
     pub pictures: Vec<PicturePlan>,
 }
 
-/// What a plan is decided by: all that a light's weights depend on.
+/// What a part's lights are decided by, in all pictures of a sequence.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Rule {
-    /// Allowed error in reflected radiance, strictness included.
-    error: f64,
-    /// Reflected radiance that dropped lights may have together.
-    dropped: f64,
+pub struct Rule {
+    /// What tabulated errors are multiplied by.
+    pub strictness: f64,
+    /// Error in reflected radiance that a light may have by its table: the tolerance over the strictness.
+    pub error: f64,
+    /// Reflected radiance that lights left out may have together.
+    pub dropped: f64,
 }
 
 /// Plans a sequence so that no picture errs by more than `tolerance_grey` levels of an sRGB-encoded picture of a white
 /// diffuser, 255 levels from 0 to 1.
 ///
-/// `pictures` have the lights and the placed parts of each; all have the same numbers of them.
+/// `pictures` have the lights and the placed parts of each; all have the same numbers of them. Errors are measured in
+/// [`MOST_PICTURES`] of them at most, evenly through the sequence.
 pub fn plan(
     pictures: &[(Vec<Light>, Vec<PlacedPart<'_>>)],
     bands: usize,
     tolerance_grey: f64,
     level: CpuLevel,
 ) -> Plan {
+    let Some((lights, parts)) = pictures.first() else { return Plan::default() };
+    let each = lights.len().max(1) * parts.len().max(1);
+    let looks = (MOST_ERRORS / (FEWEST_POINTS * each)).clamp(2, MOST_PICTURES).min(pictures.len());
+    let looked: Vec<usize> =
+        (0..looks).map(|look| look * (pictures.len() - 1) / (looks - 1).max(1)).collect();
+    let points = (MOST_ERRORS / (each * looks)).clamp(FEWEST_POINTS, MOST_POINTS);
+    let measured_part = |part: usize| -> Vec<Measured> {
+        let pictures = looked.iter().map(|&picture| &pictures[picture]);
+        pictures.map(|(lights, parts)| Measured::new(&parts[part], lights, bands, points, level)).collect()
+    };
+    let mut plan = Plan { tolerance_grey, ..Plan::default() };
+    let mut errors = vec![0.0f64; looks];
+    for part in 0..parts.len() {
+        let measured = measured_part(part);
+        let rule = rule_of(&measured, tolerance_grey);
+        for (error, measured) in errors.iter_mut().zip(&measured) {
+            *error = error.max(measured.error(&rule));
+        }
+        plan.rules.push(rule);
+    }
+    for (picture, (lights, parts)) in pictures.iter().enumerate() {
+        let of_part = |(part, placed)| plan.lights(part, lights, placed, bands);
+        let parts = parts.iter().enumerate().map(of_part).collect();
+        let error_grey = looked.iter().position(|&look| look == picture).map(|look| errors[look]);
+        plan.pictures.push(PicturePlan { parts, error_grey });
+    }
+    plan
+}
+
+/// The least strict rule under which the part errs by no more than [`MARGIN`] of the tolerance in any picture.
+fn rule_of(measured: &[Measured], tolerance_grey: f64) -> Rule {
     let tolerance = tolerance_grey / 255.0;
-    let measured: Vec<Vec<Measured>> = pictures
-        .iter()
-        .map(|(lights, parts)| parts.iter().map(|part| Measured::new(part, lights, bands, level)).collect())
-        .collect();
-    let all = || measured.iter().flatten();
     // Less is left out where the scene is so dark that it would show.
     let limits = [1.0, 0.25, 1.0 / 16.0, 1.0 / 64.0].map(|share| share * DROPPED_SHARE * tolerance);
     let is_unseen =
-        |limit: &f64| all().all(|part| part.dropped_error(*limit) <= DROPPED_SHARE * tolerance_grey);
+        |limit: &f64| measured.iter().all(|m| m.dropped_error(*limit) <= DROPPED_SHARE * tolerance_grey);
     let dropped = limits.into_iter().find(is_unseen).unwrap_or(0.0);
-    let error_with = |strictness: f64| {
-        let rule = Rule { error: tolerance / strictness, dropped };
-        measured.par_iter().flatten().map(|part| part.error(&rule)).reduce(|| 0.0, f64::max)
+    let rule = |half_steps: f64| {
+        let strictness = libm::exp2(0.5 * half_steps);
+        Rule { strictness, error: tolerance / strictness, dropped }
     };
-    let allowed = MARGIN * tolerance_grey;
-    let power = |half_steps: f64| libm::exp2(0.5 * half_steps);
+    let keeps = |step: f64| {
+        let rule = rule(step);
+        let errors = measured.par_iter().map(|measured| measured.error(&rule));
+        errors.reduce(|| 0.0, f64::max) <= MARGIN * tolerance_grey
+    };
     // From strict to lenient, as long as the tolerance is kept: errors of lights cancel here and there, so a lenient value
     // that keeps it below one that does not is luck.
-    let strictest = f64::from(*STRICTNESS.end());
-    let kept = STRICTNESS.rev().map(f64::from).take_while(|&step| error_with(power(step)) <= allowed).last();
-    let mut strict = kept.unwrap_or(strictest);
-    if strict > f64::from(*STRICTNESS.start()) && kept.is_some() {
-        let mut lenient = strict - 1.0;
-        for _ in 0..4 {
-            let middle = 0.5 * (strict + lenient);
-            if error_with(power(middle)) <= allowed { strict = middle } else { lenient = middle }
-        }
+    let kept = STRICTNESS.rev().map(f64::from).take_while(|&step| keeps(step)).last();
+    let Some(mut strict) = kept else { return rule(f64::from(*STRICTNESS.end())) };
+    let mut lenient = strict - 1.0;
+    for _ in 0..4 {
+        let middle = 0.5 * (strict + lenient);
+        if keeps(middle) { strict = middle } else { lenient = middle }
     }
-    let strictness = power(strict);
-    let rule = Rule { error: tolerance / strictness, dropped };
-    let pictures = measured.iter().map(|parts| PicturePlan {
-        parts: parts.iter().map(|part| part.lights(&rule)).collect(),
-        error_grey: parts.iter().map(|part| part.error(&rule)).fold(0.0, f64::max),
-    });
-    Plan { strictness, dropped_limit: dropped, pictures: pictures.collect() }
+    rule(strict)
 }
 
-/// What a plan says of other pictures of the same sequence: nothing is measured.
-pub fn planned(
-    plan: &Plan,
-    lights: &[Light],
-    part: &PlacedPart<'_>,
-    bands: usize,
-    tolerance_grey: f64,
-) -> Vec<LightPlan> {
-    let rule = Rule { error: tolerance_grey / 255.0 / plan.strictness, dropped: plan.dropped_limit };
-    let situations: Vec<_> = lights.iter().map(|light| Situation::new(light, part, bands)).collect();
-    decide(&situations, &rule, Envelope::new(&part.part.errors).as_ref())
+impl Plan {
+    /// What becomes of lights for a part, by its rule.
+    fn lights(&self, part: usize, lights: &[Light], placed: &PlacedPart<'_>, bands: usize) -> Vec<LightPlan> {
+        let situations: Vec<_> = lights.iter().map(|light| Situation::new(light, placed, bands)).collect();
+        decide(&situations, &self.rules[part], Envelope::new(&placed.part.errors).as_ref())
+    }
 }
 
 /// Where a light stands to a part.
@@ -263,9 +284,8 @@ struct Measured {
 }
 
 impl Measured {
-    fn new(placed: &PlacedPart<'_>, lights: &[Light], bands: usize, level: CpuLevel) -> Self {
+    fn new(placed: &PlacedPart<'_>, lights: &[Light], bands: usize, points: usize, level: CpuLevel) -> Self {
         let surface = &placed.part.surface;
-        let points = (MOST_ERRORS / lights.len().max(1)).clamp(FEWEST_POINTS, MOST_POINTS);
         let mut pixels = Pixels::default();
         for point in surface.iter().step_by(surface.len().div_ceil(points).max(1)) {
             pixels.push(placed, point.position, point.normal);
@@ -311,7 +331,7 @@ impl Measured {
 
     /// What leaving out lights up to a limit does alone.
     fn dropped_error(&self, limit: f64) -> f64 {
-        let plans = self.lights(&Rule { error: f64::INFINITY, dropped: limit });
+        let plans = self.lights(&Rule { strictness: 0.0, error: f64::INFINITY, dropped: limit });
         self.largest_error(|light| (if plans[light].dropped { -1.0 } else { 0.0 }, 0.0))
     }
 

@@ -1,6 +1,6 @@
 //! Rigs at every pixel: many points at once, in f32.
 
-use crate::light::lanes::{LANES, Lanes, RECURSION};
+use crate::light::lanes::{LANES, Lanes, RECURSION, lanes};
 use crate::{AxisFunction, MOST_BANDS, RigPart, cosine_lobe};
 use relight_core::{CpuLevel, Vectorized};
 use std::f64::consts::PI;
@@ -110,15 +110,11 @@ impl Vectorized for Adding<'_> {
                     harmonics.iter().zip(coefficients).filter(|(_, color)| **color != [0.0; 3])
                 {
                     for (value, &factor) in values.iter_mut().zip(color) {
-                        for i in 0..LANES {
-                            value[i] += factor * harmonic[i];
-                        }
+                        *value = lanes!(|i| value[i] + factor * harmonic[i]);
                     }
                 }
                 for (sum, value) in sums.iter_mut().zip(&values) {
-                    for i in 0..LANES {
-                        sum[i] += weights[i] * value[i];
-                    }
+                    *sum = lanes!(|i| sum[i] + weights[i] * value[i]);
                 }
             }
             for (out, sum) in rows.out.iter_mut().zip(&sums) {

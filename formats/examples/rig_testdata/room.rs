@@ -71,11 +71,11 @@ pub(crate) fn room() -> String {
     _ = writeln!(text, "[sequence]\nframes = {FRAMES}\n\n[object]");
     _ = writeln!(
         text,
-        "keys = [{{ time = 0.0, position = [-0.3, 0.0, 0.0], rotation_deg = [0.0, 0.0, -8.0] }},"
+        "keys = [{{ time = 0.0, position = [-0.3, 0.0, 0.15], rotation_deg = [0.0, 0.0, -8.0] }},"
     );
     _ = writeln!(
         text,
-        "        {{ time = 1.0, position = [0.3, 0.1, 0.0], rotation_deg = [0.0, 0.0, 12.0] }}]"
+        "        {{ time = 1.0, position = [0.3, 0.1, 0.15], rotation_deg = [0.0, 0.0, 12.0] }}]"
     );
     let swinging = [
         ("arm_left", [0.0, SHOULDERS_ASIDE, SHOULDERS], 25.0),

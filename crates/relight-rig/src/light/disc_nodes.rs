@@ -11,9 +11,9 @@ use std::f64::consts::PI;
 use std::sync::LazyLock;
 
 /// Nodes of a disc of radius 1.
-struct Rule {
-    /// Least distance of the middle in radii for errors below 1e-4 of the largest coefficient or slope of 6 bands.
-    nearest: f64,
+pub(super) struct Rule {
+    /// Least distance of the middle in radii for errors below 1e-4 of the largest coefficient or slope of 7 bands.
+    pub(super) nearest: f64,
     /// x, y, and share of the area.
     nodes: Vec<[Lanes; 3]>,
 }
@@ -35,11 +35,17 @@ impl Rule {
         }
         Self { nearest, nodes }
     }
+
+    /// x, y and share of the area, a node after the other.
+    #[inline(always)]
+    pub(super) fn places(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.nodes.iter().flat_map(|[x, y, share]| (0..LANES).map(|i| [x[i], y[i], share[i]]))
+    }
 }
 
 /// From few nodes to many.
-static RULES: LazyLock<[Rule; 4]> = LazyLock::new(|| {
-    [Rule::new::<2>(5.5, 8), Rule::new::<3>(2.6, 16), Rule::new::<6>(1.85, 24), Rule::new::<8>(1.55, 32)]
+pub(super) static RULES: LazyLock<[Rule; 4]> = LazyLock::new(|| {
+    [Rule::new::<2>(5.8, 8), Rule::new::<3>(2.8, 16), Rule::new::<6>(1.95, 24), Rule::new::<8>(1.62, 32)]
 });
 
 /// A disc and what it takes to sum over it.
@@ -143,7 +149,8 @@ impl<const GRADIENT: bool> Vectorized for Nodes<'_, GRADIENT> {
             3 => self.sum::<3, 9, 16>(),
             4 => self.sum::<4, 16, 25>(),
             5 => self.sum::<5, 25, 36>(),
-            _ => self.sum::<6, 36, MOST>(),
+            6 => self.sum::<6, 36, 49>(),
+            _ => self.sum::<7, 49, MOST>(),
         }
     }
 }

@@ -20,7 +20,7 @@ macro_rules! lanes {
         out
     }};
 }
-pub(super) use lanes;
+pub(crate) use lanes;
 
 /// `expression` for each axis or channel `a`. Closures, which `map` takes, may be compiled without the CPU level's instructions.
 macro_rules! three {

@@ -4,6 +4,7 @@
 //! other, so that a radius of 1e-30 with a radiance of 1e60 is a light as any other.
 
 mod disc;
+mod disc_batch;
 mod disc_harmonics;
 mod disc_nodes;
 mod harmonics;

@@ -4,6 +4,7 @@
 //! length of its own, a power of two, so that all else fits f32. Blocks of lights are summed in f32, in [`LANES`] sums
 //! that are added in order, blocks in f64: the same bits at every CPU level.
 
+use super::disc_batch::{DiscBatch, DiscBlock, FarDisc};
 use super::disc_nodes::Disc;
 use super::harmonics::{MOST_BANDS, SLOPES};
 use super::lanes::{LANES, Lanes, RECURSION, lanes, three};
@@ -23,6 +24,11 @@ pub struct Projector {
     batches: Vec<Batch>,
     /// What the batches' sums are multiplied by.
     scale: f64,
+    /// Discs that stay away from all points of the ball, for values; slopes take all discs one by one.
+    disc_batches: Vec<DiscBatch>,
+    disc_scale: f64,
+    /// Those that may be near.
+    near_discs: Vec<Disc>,
     discs: Vec<Disc>,
     /// Of lights that are the same everywhere.
     constant: Vec<[f64; 3]>,
@@ -52,7 +58,7 @@ impl Projector {
     pub fn new(lights: &[(&Light, f64)], bands: usize, ball: ([f64; 3], f64)) -> Self {
         super::check(bands, bands * bands);
         let mut constant = vec![[0.0; 3]; bands * bands];
-        let mut discs = Vec::new();
+        let (mut discs, mut near_discs, mut far_discs) = (Vec::new(), Vec::new(), Vec::new());
         let mut emitters = Vec::new();
         for &(light, factor) in lights {
             let color = light.color.map(|c| c * factor);
@@ -64,7 +70,12 @@ impl Projector {
                     emitters.push(Emitter::new(*position, 0.0, *nearest, color, ball));
                 }
                 Source::Disc { centre, normal, radius } => {
-                    discs.push(Disc::new(*centre, *normal, *radius, color));
+                    let disc = Disc::new(*centre, *normal, *radius, color);
+                    match FarDisc::new(*centre, *normal, *radius, color, ball) {
+                        Some(far) => far_discs.push(far),
+                        None => near_discs.push(disc.clone()),
+                    }
+                    discs.push(disc);
                 }
                 Source::Directional { .. } | Source::Probe(_) => {
                     Light { color, ..light.clone() }.add_projection(ball.0, bands, &mut constant);
@@ -74,7 +85,10 @@ impl Projector {
         let brightest = emitters.iter().flat_map(|e| e.color).fold(0.0f64, |a, c| a.max(c.abs()));
         let scale = if brightest > 0.0 { brightest } else { 1.0 };
         let batches = emitters.chunks(LANES).map(|emitters| Batch::new(emitters, scale)).collect();
-        Self { bands, centre: ball.0, batches, scale, discs, constant }
+        let brightest = far_discs.iter().map(FarDisc::brightness).fold(0.0, f64::max);
+        let disc_scale = if brightest > 0.0 { brightest } else { 1.0 };
+        let disc_batches = DiscBatch::of(&far_discs, disc_scale);
+        Self { bands, centre: ball.0, batches, scale, disc_batches, disc_scale, near_discs, discs, constant }
     }
 
     /// Writes R, G, B of the coefficients that [`Light::add_projection`] would add up to, within 2e-6 of the largest
@@ -122,7 +136,13 @@ impl Projector {
             let (bands, scale, totals) = (self.bands, self.scale, &mut totals);
             level.run(Block::<GRADIENT> { bands, block, from, scale, totals });
         }
-        for disc in &self.discs {
+        if !GRADIENT {
+            for block in self.disc_batches.chunks(BLOCK) {
+                let (bands, scale, totals) = (self.bands, self.disc_scale, &mut totals);
+                level.run(DiscBlock { bands, block, from, scale, totals });
+            }
+        }
+        for disc in if GRADIENT { &self.discs } else { &self.near_discs } {
             disc.add::<GRADIENT>(level, self.bands, point, &mut totals, values, gradients);
         }
         totals
@@ -311,7 +331,7 @@ pub(super) fn lane_sum(lanes: &Lanes) -> f64 {
 }
 
 #[inline(always)]
-fn flush(sums: &[[Lanes; 3]], scale: f64, totals: &mut [[f64; 3]]) {
+pub(super) fn flush(sums: &[[Lanes; 3]], scale: f64, totals: &mut [[f64; 3]]) {
     for (total, sum) in totals.iter_mut().zip(sums) {
         for (total, sum) in total.iter_mut().zip(sum) {
             *total += scale * lane_sum(sum);
