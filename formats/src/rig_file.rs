@@ -329,7 +329,7 @@ fn check_part(part: &RigPart) -> Result<(), String> {
     finite("surface", surface.iter().flat_map(|point| point.position))?;
     for point in surface {
         let length = length(point.normal);
-        if !((length - 1.0).abs() <= NORMAL_TOLERANCE) {
+        if length.is_nan() || (length - 1.0).abs() > NORMAL_TOLERANCE {
             return Err(format!(
                 "has a normal of length {length} where 1 is needed, within {NORMAL_TOLERANCE}"
             ));

@@ -108,10 +108,10 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
     let outputs = paths(&arguments.output, "png");
     let differences = arguments.difference.as_ref().map(|folder| paths(folder, "png"));
     let depth = picture_depths(&outputs[0]).map_err(Failure::of_output)?[0];
-    if let Some(path) = differences.iter().flatten().next() {
-        if picture_depths(path).map_err(Failure::of_output)?[0] != PictureDepth::U8 {
-            return Err(Failure::usage(format!("{}: a difference is a .png", path.display())));
-        }
+    if let Some(path) = differences.iter().flatten().next()
+        && picture_depths(path).map_err(Failure::of_output)?[0] != PictureDepth::U8
+    {
+        return Err(Failure::usage(format!("{}: a difference is a .png", path.display())));
     }
     let inputs = moments.inputs.iter().chain([&arguments.rig, &arguments.mesh]).chain(&arguments.camera);
     check_apart(outputs.iter().chain(differences.iter().flatten()), inputs)?;
@@ -327,8 +327,8 @@ impl<'a> Drawing<'a> {
             }
         }
         for (pixel, covered) in out.chunks_exact_mut(3).zip(covered) {
-            for c in 0..3 {
-                pixel[c] += (1.0 - covered).max(0.0) * self.arguments.background[c];
+            for (value, background) in pixel.iter_mut().zip(self.arguments.background) {
+                *value += (1.0 - covered).max(0.0) * background;
             }
         }
         debug_assert_eq!(seen.height, height * samples);

@@ -49,8 +49,10 @@ const WALLS: [Wall; 5] = [
     Wall { name: "back", albedo: WHITE, axis: 0, upper: false, patches: [8, 4] },
 ];
 
+type Flying = ([f64; 2], f64, [f64; 2], [f64; 3]);
+
 /// Flying lights: half axes of the ellipse about the figure, height, where it starts and how often it goes round (in turns), colour.
-const FLYING: [([f64; 2], f64, [f64; 2], [f64; 3]); 6] = [
+const FLYING: [Flying; 6] = [
     ([1.2, 1.1], 1.5, [0.0, 1.0], [1.0, 0.5, 0.2]),
     ([1.5, 1.5], 0.8, [0.4, -1.0], [0.3, 0.6, 1.0]),
     ([1.9, 1.7], 2.0, [0.7, 0.75], [0.4, 1.0, 0.4]),
