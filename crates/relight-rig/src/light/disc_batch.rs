@@ -123,7 +123,6 @@ impl DiscBlock<'_> {
     #[inline(always)]
     fn sum<const BANDS: usize, const N: usize>(self) {
         let mut values = [[[0.0f32; LANES]; 3]; N];
-        let mut functions = [[0.0f32; LANES]; N];
         for batch in self.block {
             let (mut towards, mut height) = ([[0.0f32; LANES]; 3], [0.0f32; LANES]);
             for i in 0..LANES {
@@ -150,12 +149,7 @@ impl DiscBlock<'_> {
                     direction[2][i] = z * inverse;
                     weight[i] = share * inverse * (inverse * inverse);
                 }
-                RECURSION.evaluate(BANDS, &direction, &mut functions);
-                for (sum, function) in sums.iter_mut().zip(&functions) {
-                    for i in 0..LANES {
-                        sum[i] += weight[i] * function[i];
-                    }
-                }
+                RECURSION.accumulate(BANDS, &direction, &weight, &mut sums);
             }
             // Radiance by the solid angle of the area where it faces the point; from behind nothing is seen.
             let mut colors = [[0.0f32; LANES]; 3];
