@@ -5,7 +5,7 @@ use crate::Model;
 /// A rig: what it takes to light a moving mesh by a few vectors of harmonics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
-    /// Bands of the harmonics, 1 to 6: l = 0 .. bands - 1, bands^2 functions. 3 hold 99 % of diffuse reflection.
+    /// Bands of the harmonics, 1 to 7: l = 0 .. bands - 1, bands^2 functions. 3 hold 99 % of diffuse reflection.
     pub bands: usize,
     /// The mesh's rigid parts, at least one.
     pub parts: Vec<RigPart>,

@@ -103,7 +103,7 @@ fn rigs_that_contradict_themselves_are_refused_in_a_sentence() {
     };
     let changed = |from: &str, to: &str, words: &str| refused(&with_head(&bytes, from, to), words);
     changed("\"version\":1", "\"version\":2,\"new\":[]", "version 2 where 1 is read");
-    changed("\"bands\":3", "\"bands\":7", "7 bands");
+    changed("\"bands\":3", "\"bands\":8", "8 bands");
     changed("gradient,constant\"", "gradient,gradient\"", "where [12, 4] belong");
     changed("\"vxyz\"", "\"vxyw\"", "'w' of a sample");
     changed("\"vxyz\"", "\"vxy\"", "where [3, 3] belong");
