@@ -101,7 +101,7 @@ pub struct Rule {
 /// diffuser, 255 levels from 0 to 1.
 ///
 /// `pictures` have the lights and the placed parts of each; all have the same numbers of them. Errors are measured in
-/// [`MOST_PICTURES`] of them at most, evenly through the sequence.
+/// 64 of them at most, evenly through the sequence.
 pub fn plan(
     pictures: &[(Vec<Light>, Vec<PlacedPart<'_>>)],
     bands: usize,
