@@ -106,8 +106,14 @@ mod tests {
     #[test]
     fn the_bound_is_that_of_the_errors_by_hand() {
         let basis = Family::by_name("ptm").unwrap().build(&Design::new(6, &LightSet::default())).unwrap();
-        let model =
-            Model { basis, layout: Layout::Lrgb, space: Space::Encoded, lights: vec![], figures: None };
+        let model = Model {
+            basis,
+            layout: Layout::Lrgb,
+            space: Space::Encoded,
+            lights: vec![],
+            figures: None,
+            provenance: None,
+        };
         let scales: Vec<f32> = (0..9).map(|p| 1.0 + 0.5 * p as f32).collect();
         let plane =
             |p: usize| RelightingMap { scale: scales[p], bias: -1.0, texels: Texels::F32(vec![0.25, 1.0]) };

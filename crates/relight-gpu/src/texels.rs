@@ -159,8 +159,14 @@ mod tests {
     /// Five planes of codes in layers of one channel, out of order, with two levels.
     fn maps() -> PackedMaps {
         let basis = Family::by_name("srbf").unwrap().build(&Design::new(5, &LightSet::default())).unwrap();
-        let model =
-            Model { basis, layout: Layout::Grey, space: Space::Linear, lights: vec![], figures: None };
+        let model = Model {
+            basis,
+            layout: Layout::Grey,
+            space: Space::Linear,
+            lights: vec![],
+            figures: None,
+            provenance: None,
+        };
         let layer = |plane: usize| LayerPlan {
             planes: vec![plane],
             quantizers: vec![Quantizer { scale: 1.0 + plane as f32, bias: -0.5 * plane as f32 }],

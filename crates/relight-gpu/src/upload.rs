@@ -33,10 +33,8 @@ pub(crate) fn upload_array(
     if maps.width.max(maps.height).next_multiple_of(plan.format.unit_size()) > limit {
         return Err(GpuError::TooLarge { width: maps.width, height: maps.height, limit });
     }
-    // wgpu's OpenGL makes a plain texture of an array of one layer, which array samplers don't read.
-    let single = layers.len() == 1 && gpu.adapter.get_info().backend == wgpu::Backend::Gl;
     // Whole blocks, as wgpu wants level 0 to be; the true texels lie in the upper left.
-    let size = extent(whole_units(plan.format, maps.width, maps.height), layers.len() + usize::from(single));
+    let size = array_extent(gpu, whole_units(plan.format, maps.width, maps.height), layers.len());
     let texture = array_texture(gpu, "maps", size, maps.packing.levels, texture_format(plan.format))?;
     for level in 0..maps.packing.levels {
         let (width, height) = (level_size(maps.width, level), level_size(maps.height, level));
@@ -97,6 +95,16 @@ fn whole_units(format: TexelFormat, width: usize, height: usize) -> (usize, usiz
     (width.next_multiple_of(unit), height.next_multiple_of(unit))
 }
 
+/// The size of an array texture that holds `layers`.
+///
+/// wgpu's OpenGL makes a plain texture of an array of one layer and cubes of six squares, which array samplers don't read: there
+/// it has a layer more.
+fn array_extent(gpu: &Gpu, size: (usize, usize), layers: usize) -> Extent3d {
+    let is_other = layers == 1 || size.0 == size.1 && layers.is_multiple_of(6);
+    let more = is_other && gpu.adapter.get_info().backend == wgpu::Backend::Gl;
+    extent(size, layers + usize::from(more))
+}
+
 fn extent((width, height): (usize, usize), layers: usize) -> Extent3d {
     Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: layers as u32 }
 }
@@ -108,8 +116,7 @@ fn extent((width, height): (usize, usize), layers: usize) -> Extent3d {
 pub(crate) fn upload_table(gpu: &Gpu, learned: &Learned) -> Result<TextureView, GpuError> {
     let (nodes, texels) = (learned.square().nodes, function_texels(learned));
     let layers = texels.len() / (nodes * nodes);
-    // wgpu's OpenGL makes a plain texture of an array of one layer.
-    let size = extent((nodes, nodes), layers.max(2));
+    let size = array_extent(gpu, (nodes, nodes), layers);
     let texture = array_texture(gpu, "functions", size, 1, TextureFormat::Rgba16Float)?;
     let layout = TexelCopyBufferLayout {
         offset: 0,

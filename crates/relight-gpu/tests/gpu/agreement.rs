@@ -202,6 +202,14 @@ fn opengl_draws_the_same() {
     // Arrays of one layer.
     let maps = asset(model("hsh", 4, Layout::Grey), CODES, (37, 23), 1);
     assert_both_modes_agree(&gpu, &maps, 0, None, 3);
+    // Squares of six layers and of twelve, which are no cubes.
+    for (count, layout) in [(6, Layout::Rgb), (10, Layout::Lrgb), (15, Layout::Lrgb)] {
+        for format in [CODES, TexelFormat::Block(BlockFormat::Bc4)] {
+            let maps = asset(model("ptm", count, layout), format, (32, 32), 2);
+            assert_both_modes_agree(&gpu, &maps, 0, None, 3);
+            assert_both_modes_agree(&gpu, &maps, 1, None, 3);
+        }
+    }
 }
 
 /// An adapter behind OpenGL, which no one requires.

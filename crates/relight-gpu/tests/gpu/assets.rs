@@ -36,7 +36,7 @@ pub(crate) fn model(family: &str, count: usize, layout: Layout) -> Model {
         Layout::Shared => Basis::Learned(learned(count, family != "grey")),
         _ => Family::by_name(family).unwrap().build(&Design::new(count, &lights)).unwrap(),
     };
-    Model { basis, layout, space: Space::Encoded, lights: Vec::new(), figures: None }
+    Model { basis, layout, space: Space::Encoded, lights: Vec::new(), figures: None, provenance: None }
 }
 
 /// Learned functions of `planes` planes with a value of its own in every place of the table.
