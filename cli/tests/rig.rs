@@ -152,3 +152,71 @@ fn what_makes_no_sense_is_refused_in_a_sentence() {
     std::fs::write(at.join("bad.rig"), b"not a rig").unwrap();
     relight(at, "rig report bad.rig").assert_refused(3, &["bad.rig"]);
 }
+
+#[test]
+fn light_below_0_is_reported_and_windows_say_what_they_cost() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    bake(at, "car.glb", "--model constant --samples 32", "a.rig").ok();
+    // One sun rings most: by 3.7 % of its brightest in three bands.
+    std::fs::write(
+        at.join("sun.toml"),
+        "[[light]]\nkind = \"directional\"\ndirection = [0.6, 0.0, 0.8]\nintensity = 3.0\n",
+    )
+    .unwrap();
+    relight(at, "rig plan a.rig --scene sun.toml --tolerance 90 -o p.json").ok();
+    let ringing = &json_of(&at.join("p.json"))["pictures"][0]["parts"][0]["ringing"];
+    assert!(ringing["negative_share"].as_f64().unwrap() > 0.05, "{ringing}");
+    // Of the light as planned, a part of it exact.
+    assert!(ringing["lowest_over_brightest"].as_f64().unwrap() < -1e-3, "{ringing}");
+    let draw = |options: &str| {
+        let mesh = testdata("car.glb");
+        let line = format!(
+            "rig render a.rig --mesh {} --scene sun.toml --by rig --size 80x60 -o a.png",
+            mesh.display()
+        );
+        relight(at, &format!("{line} {options}")).ok().stdout
+    };
+    let number = |words: &str, before: &str| -> f64 {
+        let rest = words.split(before).nth(1).and_then(|rest| rest.split([' ', ';']).next()).unwrap();
+        rest.trim().parse().unwrap()
+    };
+    // From behind, where it rings.
+    let plain = draw("--from=-1,0.2,-0.4");
+    let share = number(&plain, "the mesh: ");
+    assert!(share > 2.0 && plain.contains("% of pixels below 0, down to -0."), "{plain}");
+    let usual = draw("--from=-1,0.2,-0.4 --window hanning");
+    assert!(usual.contains("bands count 1.00 0.750 0.250"), "{usual}");
+    let least = draw("--from=-1,0.2,-0.4 --window least");
+    let [with, without] =
+        ["; largest difference ", "without the window: largest difference "].map(|b| number(&least, b));
+    let hanning = number(&usual, "; largest difference ");
+    assert!(with < hanning, "{with} of {without}, Hanning's {hanning}: {least}");
+    // Points of the surface are clear of it, pixels between them nearly.
+    let left = if least.contains("no pixels below 0") { 0.0 } else { number(&least, "the mesh: ") };
+    assert!(left < 0.2 * share, "{least}");
+    let refused = format!(
+        "rig render a.rig --mesh {} --scene sun.toml --by brute-force --window least -o b.png",
+        testdata("car.glb").display()
+    );
+    relight(at, &refused).assert_refused(2, &["--by rig or plan"]);
+    let export = |window: &str| {
+        relight(
+            at,
+            &format!("rig export a.rig --scene sun.toml --target filament --window {window} -o e.json"),
+        )
+        .ok();
+        json_of(&at.join("e.json"))["parts"][0].clone()
+    };
+    let (least, hanning) = (export("least"), export("hanning"));
+    let error = |part: &serde_json::Value| part["ringing"]["largest_error_grey"].as_f64().unwrap();
+    assert_eq!(least["ringing"]["negative_share"], 0.0);
+    assert!(least["ringing"]["without_window"]["negative_share"].as_f64().unwrap() > 0.05);
+    assert!(error(&least) < error(&hanning), "{} {}", error(&least), error(&hanning));
+    // What is written is what was windowed: band 1 by three quarters.
+    relight(at, "rig export a.rig --scene sun.toml --target filament -o f.json").ok();
+    let value = |part: &serde_json::Value, i: usize| part["vectors"][0][i][0].as_f64().unwrap();
+    let plain = json_of(&at.join("f.json"))["parts"][0].clone();
+    assert!((value(&hanning, 0) / value(&plain, 0) - 1.0).abs() < 1e-6);
+    assert!((value(&hanning, 2) / value(&plain, 2) - 0.75).abs() < 1e-5);
+}

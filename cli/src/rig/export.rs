@@ -1,13 +1,17 @@
 //! `relight rig export`: what a scene gives a rig, as an engine keeps it.
 
-use super::scene::moment;
+use super::digits;
+use super::scene::{Moment, moment};
+use super::window::{WindowChoice, ringing_record, ringing_words};
 use crate::failure::Failure;
 use crate::options::{MachineOptions, check_apart, check_writable};
+use crate::say::say;
 use clap::Args;
 use relight_formats::{read_rig, read_scene, write_whole};
 use relight_rig::convention::{Axes, HARMONICS, Places, TARGETS, Target, ambient_cubes};
-use relight_rig::{AxisFunction, Frame, Placement, RigPart};
+use relight_rig::{AxisFunction, Frame, Placement, RigPart, Ringing, Window};
 use serde_json::{Value, json};
+use std::f64::consts::PI;
 use std::path::PathBuf;
 
 /// What to export.
@@ -29,6 +33,9 @@ pub(super) struct ExportArguments {
     /// Five values a channel instead of nine: bands 0 and 1 and a zonal one of band 2
     #[arg(long, conflicts_with = "target")]
     zh3: bool,
+    /// Weigh bands so that light does not ring below 0 at points of the surface, and say what that costs
+    #[arg(long, value_name = "WINDOW", value_enum)]
+    window: Option<WindowChoice>,
     /// The reader's x, y and z in the scene, such as -x,y,z; by default that for unity, x,y,z for others
     #[arg(long, value_name = "X,Y,Z", value_parser = axes_of, allow_hyphen_values = true)]
     axes: Option<Axes>,
@@ -76,7 +83,14 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<(), Failure> {
     let lights: Vec<_> = moment.lights.iter().map(|light| (light, 1.0)).collect();
     let parts = file.rig.parts.iter().zip(&moment.placements).map(|(part, placement)| {
         let coefficients = part.coefficients(&lights, placement, file.rig.bands);
-        exported(part, placement, &coefficients, target, &axes)
+        // Bands that no target has are left out before anything is windowed.
+        let bands = file.rig.bands.min(HARMONICS.isqrt());
+        let vectors = coefficients.chunks_exact(file.rig.bands * file.rig.bands);
+        let coefficients: Vec<_> = vectors.flat_map(|vector| &vector[..bands * bands]).copied().collect();
+        let (coefficients, ringing) = arguments.windowed(part, placement, coefficients, bands, &moment);
+        let mut record = exported(part, placement, &coefficients, target, &axes);
+        record["ringing"] = ringing;
+        record
     });
     let parts: Vec<_> = parts.collect();
     let record = json!({
@@ -89,6 +103,52 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<(), Failure> {
         "parts": parts,
     });
     Ok(write_whole(&arguments.output, format!("{record}\n").as_bytes())?)
+}
+
+impl ExportArguments {
+    /// Coefficients by the window, and how far they ring; both also said.
+    fn windowed(
+        &self,
+        part: &RigPart,
+        placement: &Placement,
+        mut coefficients: Vec<[f64; 3]>,
+        bands: usize,
+        moment: &Moment,
+    ) -> (Vec<[f64; 3]>, Value) {
+        let points = part.reflectance_by_band(&coefficients, placement, bands);
+        let before = Ringing::of(Window::NONE.of_points(&points));
+        say!("{}", ringing_words(&part.name, &before, "points"));
+        let Some(choice) = self.window else { return (coefficients, ringing_record(&before)) };
+        let window = choice.window(bands, || points.clone());
+        window.apply(bands, &mut coefficients);
+        let after = Ringing::of(window.of_points(&points));
+        let exact = part.surface.iter().map(|point| {
+            let (place, normal) = (placement.point(point.position), placement.direction(point.normal));
+            moment.lights.iter().fold([0.0; 3], |sum, light| {
+                let irradiance = light.irradiance(place, normal);
+                [0, 1, 2].map(|c| sum[c] + irradiance[c] / PI)
+            })
+        });
+        let exact: Vec<[f64; 3]> = exact.collect();
+        let largest_grey = |window: &Window| {
+            let differences = window.of_points(&points).zip(&exact);
+            let differences = differences.flat_map(|(a, b)| [0, 1, 2].map(|c| (a[c] - b[c]).abs()));
+            255.0 * differences.fold(0.0, f64::max)
+        };
+        let errors = [&Window::NONE, &window].map(largest_grey);
+        say!(
+            "  windowed: {}; largest difference to exact irradiance {} grey levels (reflected light x 255), {} without the window",
+            ringing_words(&part.name, &after, "points"),
+            digits(errors[1]),
+            digits(errors[0])
+        );
+        let mut record = ringing_record(&after);
+        record["without_window"] = ringing_record(&before);
+        record["window"] = json!(window.factors[..bands]);
+        record["largest_error_grey"] = json!(errors[1]);
+        record["without_window"]["largest_error_grey"] = json!(errors[0]);
+        (coefficients, record)
+    }
 }
 
 /// A part in the target's axes.

@@ -8,6 +8,7 @@ mod plan;
 mod render;
 mod report;
 mod scene;
+mod window;
 
 use crate::failure::{Exit, Failure};
 use clap::{Args, Subcommand};

@@ -3,13 +3,14 @@
 use super::bake::{label, positive};
 use super::digits;
 use super::scene::{Moments, moments};
+use super::window::{ringing_record, ringing_words};
 use crate::failure::Failure;
 use crate::options::{MachineOptions, check_apart, check_writable};
 use crate::say::say;
 use clap::Args;
 use relight_core::relighter::Picture;
 use relight_formats::{RigFile, picture_depths, read_rig, write_picture, write_whole};
-use relight_rig::{LightPlan, Plan, Source, SphereTable, TableAxes, plan};
+use relight_rig::{LightPlan, Plan, Ringing, Source, SphereTable, TableAxes, plan};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -157,14 +158,22 @@ fn counts(plans: &[LightPlan]) -> [usize; 4] {
 
 fn print(plan: &Plan, moments: &Moments, file: &RigFile, tolerance: f64, seconds: f64) {
     let errors: Vec<f64> = plan.pictures.iter().filter_map(|picture| picture.error_grey).collect();
+    let measured = match (plan.pictures.len(), errors.len()) {
+        (all, some) if some < all => format!("{some} of them, evenly through the sequence"),
+        _ => "all of them".to_owned(),
+    };
     say!(
-        "{} pictures, errors up to {} of {tolerance} grey levels at surface points in {} of them, {seconds:.2} s",
+        "{} pictures, errors up to {} of {tolerance} grey levels at surface points of {measured}, {seconds:.2} s",
         plan.pictures.len(),
         digits(errors.iter().copied().fold(0.0, f64::max)),
-        errors.len()
     );
     for (part, rule) in file.rig.parts.iter().zip(&plan.rules) {
         say!("  {}: tabulated errors count {} times", label(&part.name), digits(rule.strictness));
+    }
+    for (index, part) in file.rig.parts.iter().enumerate() {
+        let measured = plan.pictures.iter().filter_map(|picture| picture.ringing.as_ref());
+        let ringing = measured.fold(Ringing::default(), |sum, of_parts| sum.and(of_parts[index]));
+        say!("  {}", ringing_words(&part.name, &ringing, "points"));
     }
     say!("  time    part             analytic  transition   rig  dropped");
     for (picture, moment) in plan.pictures.iter().zip(&moments.list) {
@@ -221,13 +230,15 @@ fn records(plan: &Plan, moments: &Moments, file: &RigFile) -> Vec<Value> {
     };
     let pictures = plan.pictures.iter().zip(&moments.list);
     pictures.map(|(picture, moment)| {
-        let parts = file.rig.parts.iter().zip(&picture.parts).map(|(part, plans)| {
+        let parts = file.rig.parts.iter().zip(&picture.parts).enumerate().map(|(index, (part, plans))| {
             let [analytic, transition, rig, dropped] = counts(plans);
+            let ringing = picture.ringing.as_ref().map(|of_parts| ringing_record(&of_parts[index]));
             let lights: Vec<_> =
                 plans.iter().zip(&moment.lights).map(|(plan, light)| light_record(plan, &light.name)).collect();
             json!({
                 "name": part.name,
                 "counts": { "analytic": analytic, "transition": transition, "rig": rig, "dropped": dropped },
+                "ringing": ringing,
                 "lights": lights,
             })
         });

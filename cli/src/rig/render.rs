@@ -3,9 +3,11 @@
 use super::bake::positive;
 use super::digits;
 use super::mesh::PartMeshes;
-use super::scene::{Moment, moments};
+use super::scene::{Moment, Moments, moments};
+use super::window::{WindowChoice, ringing_words};
 use crate::failure::{Exit, Failure};
 use crate::options::{Machine, MachineOptions, check_apart, check_writable};
+use crate::render::frame_paths;
 use crate::say::say;
 use crate::view::{color_of, size_of, three_of};
 use crate::{interrupt, progress};
@@ -16,7 +18,7 @@ use relight_core::{Camera, Projection, Space, srgb_from_linear};
 use relight_formats::{
     PictureDepth, RigFile, create_folder, picture_depths, read_camera_file, read_rig, write_picture,
 };
-use relight_rig::{LightPlan, Pixels, PlacedPart, Reflected, plan};
+use relight_rig::{Bands, LightPlan, Pixels, PlacedPart, Plan, Reflected, Ringing, Window, plan};
 use relight_surface::{Fragment, Mesh, rasterize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -46,6 +48,10 @@ pub(super) struct RenderArguments {
     /// agree, 16 levels for each level of difference
     #[arg(long, value_name = "FILE.png|FOLDER")]
     difference: Option<PathBuf>,
+    /// Weigh bands of the rig's harmonics so that light does not ring below 0, and say what that costs: the difference to brute force
+    /// with and without
+    #[arg(long, value_name = "WINDOW", value_enum)]
+    window: Option<WindowChoice>,
     /// How the mesh is seen: a camera file, or one that looks at it from the front (-y) and above
     #[arg(long, value_name = "CAMERA.json")]
     camera: Option<PathBuf>,
@@ -84,10 +90,18 @@ const BYTES_OF_SAMPLE: u64 = 120;
 /// Grey levels of the difference picture for one of difference.
 const MAGNIFIED: f32 = 16.0;
 
+/// Most pictures that a window is fitted to.
+const MOST_PICTURES: usize = 64;
+
 /// How far two ways to draw are apart, and what they take.
 #[derive(Default)]
 struct Tally {
     largest_grey: f64,
+    /// Without the window, if there is one.
+    largest_grey_without: f64,
+    /// By part, of pixels.
+    ringing: Vec<Ringing>,
+    ringing_without: Vec<Ringing>,
     seconds: f64,
     brute_force_seconds: f64,
     pixels: usize,
@@ -97,16 +111,21 @@ struct Tally {
 /// Runs the subcommand.
 pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
+    if arguments.window.is_some() && arguments.by == Way::BruteForce {
+        return Err(Failure::usage(
+            "--window weighs bands, which brute force has not; give --by rig or plan",
+        ));
+    }
     let file = read_rig(&arguments.rig, machine.memory)?;
     let meshes = PartMeshes::of_rig(&arguments.mesh, &file, &arguments.rig, machine.memory)?;
     let moments = moments(&arguments.scene, &file, &machine)?;
     let is_sequence = moments.is_sequence;
-    let paths = |output: &Path, extension: &str| -> Vec<PathBuf> {
-        let name = |frame: usize| output.join(format!("frame_{frame:04}.{extension}"));
-        if is_sequence { (1..=moments.list.len()).map(name).collect() } else { vec![output.to_owned()] }
+    let paths = |output: &Path| match is_sequence {
+        true => frame_paths(output, moments.list.len(), "png").collect(),
+        false => vec![output.to_owned()],
     };
-    let outputs = paths(&arguments.output, "png");
-    let differences = arguments.difference.as_ref().map(|folder| paths(folder, "png"));
+    let outputs = paths(&arguments.output);
+    let differences = arguments.difference.as_ref().map(|output| paths(output));
     let depth = picture_depths(&outputs[0]).map_err(Failure::of_output)?[0];
     if let Some(path) = differences.iter().flatten().next()
         && picture_depths(path).map_err(Failure::of_output)?[0] != PictureDepth::U8
@@ -123,7 +142,13 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
     let pictures = moments.pictures(&file);
     let plan = (arguments.by == Way::Plan)
         .then(|| plan(&pictures, file.rig.bands, arguments.tolerance, machine.level));
-    let mut tally = Tally::default();
+    let bands = arguments.bands(&file, &moments, plan.as_ref(), &machine);
+    let plain = vec![Bands::from(file.rig.bands); bands.len()];
+    let mut tally = Tally {
+        ringing: vec![Ringing::default(); bands.len()],
+        ringing_without: vec![Ringing::default(); bands.len()],
+        ..Tally::default()
+    };
     let bar = progress::bar("rendering", moments.list.len());
     for (frame, moment) in moments.list.iter().enumerate() {
         interrupt::check()?;
@@ -131,17 +156,26 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         let seen = drawing.seen()?;
         let start = Instant::now();
         let plans = plan.as_ref().map(|plan| &plan.pictures[frame].parts[..]);
-        let lit = drawing.lit(&seen, arguments.by, plans);
+        let lit = drawing.lit(&seen, arguments.by, plans, &bands);
         tally.seconds += start.elapsed().as_secs_f64();
+        add_ringing(&mut tally.ringing, &lit);
         let picture = drawing.picture(&seen, &lit);
-        if let Some(differences) = &differences {
+        if differences.is_some() || arguments.window.is_some() {
             let start = Instant::now();
-            let exact = drawing.lit(&seen, Way::BruteForce, None);
+            let exact = drawing.lit(&seen, Way::BruteForce, None, &plain);
             tally.brute_force_seconds += start.elapsed().as_secs_f64();
             let exact = drawing.picture(&seen, &exact);
             let (difference, largest) = difference_of(&picture, &exact);
             tally.largest_grey = tally.largest_grey.max(largest);
-            write_picture(&differences[frame], &difference, PictureDepth::U8)?;
+            if let Some(differences) = &differences {
+                write_picture(&differences[frame], &difference, PictureDepth::U8)?;
+            }
+            if arguments.window.is_some() {
+                let without = drawing.lit(&seen, arguments.by, plans, &plain);
+                add_ringing(&mut tally.ringing_without, &without);
+                let (_, largest) = difference_of(&drawing.picture(&seen, &without), &exact);
+                tally.largest_grey_without = tally.largest_grey_without.max(largest);
+            }
         }
         let picture = if depth.is_linear() { picture } else { picture.encoded_from(Space::Linear) };
         write_picture(&outputs[frame], &picture, depth)?;
@@ -150,21 +184,35 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    tally.print(differences.is_some());
+    tally.print(arguments, &file, &bands);
     Ok(())
 }
 
 impl Tally {
-    fn print(&self, is_compared: bool) {
+    fn print(&self, arguments: &RenderArguments, file: &RigFile, bands: &[Bands]) {
         let milliseconds = |seconds: f64| digits(1e3 * seconds / self.pictures as f64);
         say!("{} ms a picture of {} lit pixels", milliseconds(self.seconds), self.pixels / self.pictures);
-        if is_compared {
+        if arguments.difference.is_some() || arguments.window.is_some() {
             say!(
                 "by brute force {} ms, {} times as long; largest difference {} grey levels",
                 milliseconds(self.brute_force_seconds),
                 digits(self.brute_force_seconds / self.seconds),
                 digits(self.largest_grey)
             );
+        }
+        if arguments.by == Way::BruteForce {
+            return;
+        }
+        for (part, ringing) in file.rig.parts.iter().zip(&self.ringing) {
+            say!("{}", ringing_words(&part.name, ringing, "pixels"));
+        }
+        if arguments.window.is_some() {
+            say!("without the window: largest difference {} grey levels", digits(self.largest_grey_without));
+            for ((part, ringing), bands) in file.rig.parts.iter().zip(&self.ringing_without).zip(bands) {
+                let factors = bands.window.factors[..bands.count].iter().map(|factor| digits(*factor));
+                let factors = factors.collect::<Vec<_>>().join(" ");
+                say!("{}; bands count {factors}", ringing_words(&part.name, ringing, "pixels"));
+            }
         }
     }
 }
@@ -186,7 +234,30 @@ fn check_size(camera: &Camera, samples: u8, memory: u64) -> Result<(), Failure> 
     Err(Failure::new(Exit::OverBudget, words))
 }
 
+fn add_ringing(ringing: &mut [Ringing], lit: &[Reflected]) {
+    for (ringing, [r, g, b]) in ringing.iter_mut().zip(lit) {
+        let values = r.iter().zip(g).zip(b).map(|((r, g), b)| [*r, *g, *b].map(f64::from));
+        *ringing = ringing.and(Ringing::of(values));
+    }
+}
+
 impl RenderArguments {
+    /// By part, one for all pictures: nothing pops.
+    fn bands(&self, file: &RigFile, moments: &Moments, plan: Option<&Plan>, machine: &Machine) -> Vec<Bands> {
+        let count = file.rig.bands;
+        let step = moments.list.len().div_ceil(MOST_PICTURES).max(1);
+        let window = |part: usize| {
+            let of_moment = |(picture, moment): (usize, &Moment)| {
+                let placed = PlacedPart { part: &file.rig.parts[part], placement: moment.placements[part] };
+                let plans = plan.map(|plan| &plan.pictures[picture].parts[part][..]);
+                placed.reflectance_by_band(&moment.lights, plans, count, machine.level)
+            };
+            let points = || moments.list.iter().enumerate().step_by(step).flat_map(of_moment).collect();
+            self.window.map_or(Window::NONE, |choice| choice.window(count, points))
+        };
+        (0..file.rig.parts.len()).map(|part| Bands { count, window: window(part) }).collect()
+    }
+
     fn camera(&self, file: &RigFile, first: &Moment) -> Result<Camera, Failure> {
         if let Some(path) = &self.camera {
             return Ok(read_camera_file(path)?);
@@ -296,14 +367,20 @@ impl<'a> Drawing<'a> {
     }
 
     /// The light that each part's pixels reflect.
-    fn lit(&self, seen: &Seen, way: Way, plans: Option<&[Vec<LightPlan>]>) -> Vec<Reflected> {
-        let (bands, level, lights) = (self.file.rig.bands, self.machine.level, &self.moment.lights);
+    fn lit(
+        &self,
+        seen: &Seen,
+        way: Way,
+        plans: Option<&[Vec<LightPlan>]>,
+        bands: &[Bands],
+    ) -> Vec<Reflected> {
+        let (level, lights) = (self.machine.level, &self.moment.lights);
         let parts = seen.pixels.iter().enumerate().map(|(part, pixels)| {
             let placed = self.placed(part);
             match (way, plans) {
                 _ if pixels.is_empty() => Reflected::default(),
-                (Way::Rig, _) => pixels.by_rig(&placed, lights, bands, level),
-                (Way::Plan, Some(plans)) => pixels.by_plan(&placed, lights, &plans[part], bands, level),
+                (Way::Rig, _) => pixels.by_rig(&placed, lights, bands[part], level),
+                (Way::Plan, Some(plans)) => pixels.by_plan(&placed, lights, &plans[part], bands[part], level),
                 _ => pixels.by_brute_force(&placed, lights, level),
             }
         });

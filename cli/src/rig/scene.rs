@@ -62,11 +62,11 @@ pub(super) fn moment(path: &Path, file: &SceneFile, rig: &RigFile, time: f64) ->
 
 impl Moments {
     /// What a plan is made for.
-    pub(super) fn pictures<'a>(&self, rig: &'a RigFile) -> Vec<(Vec<Light>, Vec<PlacedPart<'a>>)> {
+    pub(super) fn pictures<'a>(&'a self, rig: &'a RigFile) -> Vec<(&'a [Light], Vec<PlacedPart<'a>>)> {
         let placed = |moment: &Moment| {
             let parts = rig.rig.parts.iter().zip(&moment.placements);
             parts.map(|(part, &placement)| PlacedPart { part, placement }).collect()
         };
-        self.list.iter().map(|moment| (moment.lights.clone(), placed(moment))).collect()
+        self.list.iter().map(|moment| (&moment.lights[..], placed(moment))).collect()
     }
 }

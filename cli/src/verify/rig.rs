@@ -4,7 +4,7 @@ use super::VerifyArguments;
 use crate::failure::{Exit, Failure};
 use crate::holdout::split_mix;
 use crate::options::Machine;
-use crate::say::say;
+use crate::say::{self, say};
 use crate::{interrupt, progress};
 use relight_core::vectors::{dot, scaled, unit, wide};
 use relight_formats::read_rig;
@@ -84,7 +84,7 @@ pub(super) fn run(arguments: &VerifyArguments, machine: &Machine) -> Result<(), 
             "passed": comparisons.iter().all(Comparison::passes),
             "comparisons": comparisons.iter().map(Comparison::to_json).collect::<Vec<_>>(),
         });
-        say!("{record:#}");
+        say::json(&record);
     } else {
         say!("adapter: {}{}", gpu.name(), if gpu.is_software() { ", a program on the CPU" } else { "" });
         say!("      max  of what is allowed  samples");

@@ -5,7 +5,8 @@
 #![allow(clippy::print_stdout, reason = "a bench talks")]
 
 use relight_core::CpuLevel;
-use relight_rig::{Light, MOST_BANDS, Projector, Source, SurfaceRows, add_reflectance};
+use relight_core::vectors::{cross, unit};
+use relight_rig::{CutDiscs, Light, MOST_BANDS, Projector, Source, SurfaceRows, add_reflectance};
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -70,17 +71,39 @@ fn projection(name: &str, lights: &[Light], level: CpuLevel) {
     }
 }
 
-fn reflectance(name: &str, light: &Light, level: CpuLevel) {
+/// Discs from 32 points together, for irradiance.
+fn together(name: &str, lights: &[Light], level: CpuLevel) {
+    let weighted: Vec<_> = lights.iter().map(|light| (light, 1.0)).collect();
+    let points: Vec<_> = (0..32).map(|i| place(i).map(|c| 0.01 * c)).collect();
+    for bands in [3, 5, MOST_BANDS] {
+        let projector = Projector::new(&weighted, bands, ([0.0; 3], 1.0)).for_irradiance();
+        let mut values = vec![[0.0; 3]; bands * bands * points.len()];
+        let each = least(lights.len() * points.len(), || {
+            projector.project_all(level, black_box(&points), &mut values);
+        });
+        println!("{name} | {} | {bands} | {each:.2} | {:.1}", level.name(), 1e3 / each);
+    }
+}
+
+/// At points around the origin, whose normals are `normal(point)`.
+fn reflectance(
+    name: &str,
+    light: &Light,
+    cut: CutDiscs,
+    level: CpuLevel,
+    normal: impl Fn([f64; 3]) -> [f64; 3],
+) {
     const POINTS: usize = 4096;
     let axis = |a: usize| -> Vec<f32> { (0..POINTS).map(|i| place(i)[a] as f32 / 15.0).collect() };
-    let length = |i: usize| place(i).iter().map(|c| c * c).sum::<f64>().sqrt();
-    let normal = |a: usize| -> Vec<f32> { (0..POINTS).map(|i| (place(i)[a] / length(i)) as f32).collect() };
+    let normal = |a: usize| -> Vec<f32> {
+        (0..POINTS).map(|i| unit(normal(place(i))).map_or(0.0, |n| n[a] as f32)).collect()
+    };
     let [x, y, z, nx, ny, nz] = [axis(0), axis(1), axis(2), normal(0), normal(1), normal(2)];
     let points = SurfaceRows { x: &x, y: &y, z: &z, nx: &nx, ny: &ny, nz: &nz };
     let mut out = [vec![0.0f32; POINTS], vec![0.0; POINTS], vec![0.0; POINTS]];
     let nanoseconds = least(POINTS, || {
         let [r, g, b] = &mut out;
-        add_reflectance(black_box(light), level, &points, [r, g, b]);
+        add_reflectance(black_box(light), cut, level, &points, [r, g, b]);
     });
     println!("{name} | {} | {nanoseconds:.2} | {:.1}", level.name(), 1e3 / nanoseconds);
 }
@@ -94,17 +117,27 @@ fn main() {
     projection("16 spheres", &spheres(16), level);
     projection("64 discs at 10 radii", &discs(64, 10.0), level);
     projection("64 discs at 3 radii", &discs(64, 3.0), level);
+    for (radii, count) in [(20.0, 190), (8.0, 190), (5.0, 190), (3.3, 190)] {
+        for level in CpuLevel::available() {
+            together(&format!("{count} discs at {radii} radii from 32 points"), &discs(count, radii), level);
+        }
+    }
     println!("\none light at many points | level | ns a point | million/s");
     for level in CpuLevel::available() {
-        reflectance("sphere", &spheres(1)[0], level);
+        reflectance("sphere", &spheres(1)[0], CutDiscs::Exact, level, |point| point);
     }
+    for radii in [10.0, 7.0, 5.0, 3.3, 2.3] {
+        for (name, cut) in [("exact", CutDiscs::Exact), ("fast", CutDiscs::Fast)] {
+            let name = format!("disc at {radii} radii that all horizons cut, {name}");
+            reflectance(&name, &discs(1, radii)[0], cut, level, |point| cross(place(0), point));
+        }
+    }
+    reflectance("disc at 10 radii", &discs(1, 10.0)[0], CutDiscs::Exact, level, |point| point);
     let sources = [
-        ("disc at 10 radii", discs(1, 10.0).remove(0).source),
-        ("disc at 3 radii", discs(1, 3.0).remove(0).source),
         ("point", Source::Point { position: place(1), nearest: 0.1 }),
         ("directional", Source::Directional { direction: [0.0, 0.6, 0.8] }),
     ];
     for (name, source) in sources {
-        reflectance(name, &lights([source].into_iter())[0], level);
+        reflectance(name, &lights([source].into_iter())[0], CutDiscs::Exact, level, |point| point);
     }
 }

@@ -1,7 +1,7 @@
 //! The cheapest model that is good enough.
 
-use crate::errors::{directions, error_table};
-use crate::{Fitting, Ground, Model, RigError, RigPart};
+use crate::errors::{Yardstick, directions};
+use crate::{Fitting, Frame, Ground, Model, RigError, RigPart, SurfacePoint};
 
 /// Nodes that an axis may have.
 const NODES: [usize; 7] = [2, 3, 4, 5, 6, 8, 12];
@@ -28,10 +28,17 @@ pub struct LightFamily {
 impl LightFamily {
     /// The largest error of `part` under these lights, in grey levels: against harmonics at each point, which no rig betters.
     pub fn error_grey(&self, part: &RigPart, bands: usize) -> f64 {
+        self.grey(part, &self.yardstick(&part.frame, &part.surface, bands))
+    }
+
+    /// Farther lights err less: one distance tells.
+    fn yardstick<'a>(&self, frame: &Frame, surface: &'a [SurfacePoint], bands: usize) -> Yardstick<'a> {
+        Yardstick::new(frame, surface, bands, &directions(), self.nearest)
+    }
+
+    fn grey(&self, part: &RigPart, yardstick: &Yardstick<'_>) -> f64 {
         let strength = self.brightness * self.nearest * self.nearest;
-        // Farther lights err less: one distance tells.
-        let table = error_table(part, bands, &directions(), &[self.nearest]);
-        255.0 * strength * table.rig[0]
+        255.0 * strength * yardstick.largest_errors(part)[0]
     }
 }
 
@@ -52,8 +59,9 @@ pub fn cheapest(
     most: usize,
 ) -> Result<Vec<Choice>, RigError> {
     let mut tried = Vec::new();
+    let yardstick = lights.yardstick(&ground.frame, &ground.surface, bands);
     let mut measure = |model: Model| {
-        let error_grey = lights.error_grey(&ground.without_errors(&model, fitting), bands);
+        let error_grey = lights.grey(&ground.without_errors(&model, fitting), &yardstick);
         let choice = Choice { model, error_grey };
         tried.push(choice.clone());
         choice

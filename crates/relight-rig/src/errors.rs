@@ -6,7 +6,7 @@
 //! beyond it.
 
 use crate::lighting::reflection;
-use crate::{ErrorTable, Light, Placement, RigPart, Source};
+use crate::{ErrorTable, Frame, Light, Placement, RigPart, Source, SurfacePoint};
 use rayon::prelude::*;
 use relight_core::Direction;
 use relight_core::sphere::{Cap, fibonacci_in};
@@ -39,47 +39,97 @@ pub fn directions() -> Vec<[f64; 3]> {
 /// The largest errors of a small sphere light from `directions` at `distances` (radii of the frame, above 1) over the part's
 /// surface points.
 pub fn error_table(part: &RigPart, bands: usize, directions: &[[f64; 3]], distances: &[f64]) -> ErrorTable {
-    let places =
-        distances.iter().flat_map(|&distance| directions.iter().map(move |&direction| (distance, direction)));
-    let places: Vec<_> = places.collect();
-    let errors: Vec<[f64; 2]> = places
-        .par_iter()
-        .map(|&(distance, direction)| part.largest_errors(bands, direction, distance))
-        .collect();
-    let largest = |which: usize| {
-        let rows = errors.chunks_exact(directions.len());
-        rows.map(|row| row.iter().map(|errors| errors[which]).fold(0.0, f64::max)).collect()
-    };
-    ErrorTable { distances: distances.to_vec(), rig: largest(0), total: largest(1) }
+    let errors = distances.iter().map(|&distance| {
+        Yardstick::new(&part.frame, &part.surface, bands, directions, distance).largest_errors(part)
+    });
+    let (rig, total) = errors.map(|[rig, total]| (rig, total)).unzip();
+    ErrorTable { distances: distances.to_vec(), rig, total }
 }
 
-impl RigPart {
-    /// Of the rig against harmonics at each point, and against exact irradiance.
-    fn largest_errors(&self, bands: usize, direction: [f64; 3], distance: f64) -> [f64; 2] {
-        let radius = self.frame.radius;
-        let offset = scaled(direction, distance * radius);
-        let light = Light {
-            name: String::new(),
-            source: Source::Sphere {
-                centre: [0, 1, 2].map(|i| self.frame.centre[i] + offset[i]),
-                radius: LIGHT_RADIUS * radius,
-            },
-            color: [LIGHT_RADIUS.powi(-2); 3],
-        };
-        let coefficients = self.coefficients(&[(&light, 1.0)], &Placement::IDENTITY, bands);
-        let mut seen = vec![[0.0; 3]; bands * bands];
-        let mut weights = vec![0.0; bands * bands];
-        let mut largest = [0.0f64; 2];
-        for point in &self.surface {
-            seen.fill([0.0; 3]);
-            light.add_projection(point.position, bands, &mut seen);
+/// What parts of one frame and surface are measured by: small lights at a distance and what they give to points, whatever the model.
+pub(crate) struct Yardstick<'a> {
+    bands: usize,
+    surface: &'a [SurfacePoint],
+    /// By surface point: what each coefficient reflects.
+    reflections: Vec<Vec<f64>>,
+    lights: Vec<MeasuredLight>,
+}
+
+struct MeasuredLight {
+    light: Light,
+    /// By surface point: reflected radiance of harmonics there, and exactly.
+    reflected: Vec<[f64; 2]>,
+}
+
+impl<'a> Yardstick<'a> {
+    /// Lights in `directions` at `distance` radii of the frame.
+    pub(crate) fn new(
+        frame: &Frame,
+        surface: &'a [SurfacePoint],
+        bands: usize,
+        directions: &[[f64; 3]],
+        distance: f64,
+    ) -> Self {
+        let of_point = |point: &SurfacePoint| {
+            let mut weights = vec![0.0; bands * bands];
             reflection(point.normal, &mut weights);
-            let harmonics: f64 = weights.iter().zip(&seen).map(|(weight, value)| weight * value[0]).sum();
-            let rig = self.reflectance(&coefficients, point.position, point.normal)[0];
-            let exact = light.irradiance(point.position, point.normal)[0] / PI;
-            largest = [largest[0].max((rig - harmonics).abs()), largest[1].max((rig - exact).abs())];
-        }
-        largest
+            weights
+        };
+        let reflections: Vec<Vec<f64>> = surface.iter().map(of_point).collect();
+        let of_direction = |&direction: &[f64; 3]| {
+            let offset = scaled(direction, distance * frame.radius);
+            let light = Light {
+                name: String::new(),
+                source: Source::Sphere {
+                    centre: [0, 1, 2].map(|i| frame.centre[i] + offset[i]),
+                    radius: LIGHT_RADIUS * frame.radius,
+                },
+                color: [LIGHT_RADIUS.powi(-2); 3],
+            };
+            let mut seen = vec![[0.0; 3]; bands * bands];
+            let reflected = surface.iter().zip(&reflections).map(|(point, weights)| {
+                seen.fill([0.0; 3]);
+                light.add_projection(point.position, bands, &mut seen);
+                let harmonics = weights.iter().zip(&seen).map(|(weight, value)| weight * value[0]).sum();
+                [harmonics, light.irradiance(point.position, point.normal)[0] / PI]
+            });
+            MeasuredLight { reflected: reflected.collect(), light }
+        };
+        let lights = directions.par_iter().map(of_direction).collect();
+        Self { bands, surface, reflections, lights }
+    }
+
+    /// Of the rig against harmonics at each point, and against exact irradiance.
+    pub(crate) fn largest_errors(&self, part: &RigPart) -> [f64; 2] {
+        let parameters = part.model.parameters().len();
+        let of_point = |point: &SurfacePoint| {
+            let mut weights = vec![0.0; parameters];
+            part.model.weights(part.frame.coordinates(point.position), &mut weights);
+            weights
+        };
+        let weights: Vec<Vec<f64>> = self.surface.iter().map(of_point).collect();
+        let of_light = |measured: &MeasuredLight| {
+            let coefficients = part.coefficients(&[(&measured.light, 1.0)], &Placement::IDENTITY, self.bands);
+            let mut largest = [0.0f64; 2];
+            for ((weights, reflection), reflected) in
+                weights.iter().zip(&self.reflections).zip(&measured.reflected)
+            {
+                let mut rig = 0.0;
+                for (weight, values) in weights.iter().zip(coefficients.chunks_exact(reflection.len())) {
+                    // Most nodes of a lattice are far from the point.
+                    if *weight == 0.0 {
+                        continue;
+                    }
+                    for (reflection, value) in reflection.iter().zip(values) {
+                        rig += weight * reflection * value[0];
+                    }
+                }
+                largest = [0, 1].map(|i| largest[i].max((rig - reflected[i]).abs()));
+            }
+            largest
+        };
+        let errors: Vec<[f64; 2]> = self.lights.par_iter().map(of_light).collect();
+        errors.iter().fold([0.0; 2], |largest, errors| [0, 1].map(|i| largest[i].max(errors[i])))
     }
 }
 

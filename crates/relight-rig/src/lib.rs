@@ -23,6 +23,7 @@ mod plan;
 mod rig;
 mod shading;
 mod surface;
+mod window;
 mod zh3;
 
 pub use auto::{Choice, LightFamily, cheapest};
@@ -30,11 +31,11 @@ pub use error::RigError;
 pub use errors::{DISTANCES, Envelope, directions, error_table};
 pub use fit::{Fitting, Ground, SAMPLES};
 pub use light::{
-    Light, MOST_BANDS, Probe, Projector, Source, SphereTable, SurfaceRows, TableAxes, add_reflectance,
-    cosine_lobe,
+    CutDiscs, Light, MOST_BANDS, Probe, Projector, Source, SphereTable, SurfaceRows, TableAxes,
+    add_reflectance, cosine_lobe,
 };
 pub use lighting::reflection;
-pub use model::{AxisFunction, MODELS, MOST_PARAMETERS, Model, ModelFamily};
+pub use model::{AxisFunction, MODELS, MOST_PARAMETERS, Model, ModelFamily, Products};
 pub use operator::least_squares;
 pub use pixels::{Pixels, Reflected};
 pub use placement::Placement;
@@ -42,3 +43,4 @@ pub use plan::{LightPlan, PicturePlan, PlacedPart, Plan, Rule, plan};
 pub use rig::{ErrorTable, Frame, Quantity, Rig, RigPart, Sample, SurfacePoint};
 pub use shading::{RigRows, ShadedRig};
 pub use surface::Surface;
+pub use window::{Bands, Ringing, Window};

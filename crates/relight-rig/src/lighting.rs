@@ -6,6 +6,9 @@ use relight_core::basis::evaluate_sh;
 use relight_core::{CpuLevel, Direction};
 use std::f64::consts::PI;
 
+/// Samples that look together.
+const TOGETHER: usize = 16;
+
 /// Writes what each coefficient of radiance gives in light reflected by a white diffuser (irradiance / pi) with this normal;
 /// `out` has a place for each of bands^2 functions, of 11 bands at most.
 pub fn reflection(normal: [f64; 3], out: &mut [f64]) {
@@ -36,12 +39,15 @@ impl RigPart {
             .iter()
             .map(|(light, share)| Light { color: light.color.map(|c| c * share), ..(*light).clone() })
             .collect();
-        self.parameters(placement, bands, |point, values, gradients| {
+        let values = |points: &[[f64; 3]], out: &mut [[f64; 3]]| {
+            out.fill([0.0; 3]);
+            for (&point, out) in points.iter().zip(out.chunks_exact_mut(bands * bands)) {
+                lights.iter().for_each(|light| light.add_projection(point, bands, out));
+            }
+        };
+        self.parameters(placement, bands, values, |point, values, gradients| {
             for light in &lights {
-                match gradients.is_empty() {
-                    true => light.add_projection(point, bands, values),
-                    false => light.add_projection_with_gradient(point, bands, values, gradients),
-                }
+                light.add_projection_with_gradient(point, bands, values, gradients);
             }
         })
     }
@@ -54,48 +60,64 @@ impl RigPart {
         bands: usize,
         level: CpuLevel,
     ) -> Vec<[f64; 3]> {
-        self.parameters(placement, bands, |point, values, gradients| match gradients.is_empty() {
-            true => projector.project(level, point, values),
-            false => projector.project_with_gradient(level, point, values, gradients),
+        let values = |points: &[[f64; 3]], out: &mut [[f64; 3]]| projector.project_all(level, points, out);
+        self.parameters(placement, bands, values, |point, values, gradients| {
+            projector.project_with_gradient(level, point, values, gradients);
         })
     }
 
-    /// Looks from all samples by `look`, which adds values and, where there is room for them, slopes.
+    /// Looks from all samples: by `values` from some at once, vector after vector, and by `slopes`, which is given zeros.
     fn parameters(
         &self,
         placement: &Placement,
         bands: usize,
-        look: impl Fn([f64; 3], &mut [[f64; 3]], &mut [[[f64; 3]; 3]]) + Sync,
+        values: impl Fn(&[[f64; 3]], &mut [[f64; 3]]) + Sync,
+        slopes: impl Fn([f64; 3], &mut [[f64; 3]], &mut [[[f64; 3]; 3]]) + Sync,
     ) -> Vec<[f64; 3]> {
         let functions = bands * bands;
-        let seen = self.samples.par_iter().map(|sample| {
-            let point = placement.point(sample.position);
-            let mut values = vec![[0.0; 3]; functions];
-            let Quantity::Slope(axis) = sample.quantity else {
-                look(point, &mut values, &mut []);
-                return values;
-            };
-            let mut gradients = vec![[[0.0; 3]; 3]; functions];
-            look(point, &mut values, &mut gradients);
-            let mut along = [0.0; 3];
-            along[axis] = self.frame.half_extent[axis];
-            let along = placement.direction(along);
-            let slope = |gradient: &[[f64; 3]; 3]| {
-                [0, 1, 2].map(|c| (0..3).fold(0.0, |sum, i| sum + along[i] * gradient[i][c]))
-            };
-            gradients.iter().map(slope).collect()
+        let mut seen = vec![[0.0; 3]; self.samples.len() * functions];
+        let looks = self.samples.par_chunks(TOGETHER).zip(seen.par_chunks_mut(TOGETHER * functions));
+        looks.for_each(|(samples, seen)| {
+            let mut points = Vec::new();
+            let mut of_points = Vec::new();
+            for (sample, seen) in samples.iter().zip(seen.chunks_exact_mut(functions)) {
+                let point = placement.point(sample.position);
+                match sample.quantity {
+                    Quantity::Value => {
+                        points.push(point);
+                        of_points.push(seen);
+                    }
+                    Quantity::Slope(axis) => {
+                        let mut gradients = vec![[[0.0; 3]; 3]; functions];
+                        slopes(point, seen, &mut gradients);
+                        let mut along = [0.0; 3];
+                        along[axis] = self.frame.half_extent[axis];
+                        let along = placement.direction(along);
+                        for (out, gradient) in seen.iter_mut().zip(&gradients) {
+                            *out =
+                                [0, 1, 2].map(|c| (0..3).fold(0.0, |sum, i| sum + along[i] * gradient[i][c]));
+                        }
+                    }
+                }
+            }
+            let mut together = vec![[0.0; 3]; points.len() * functions];
+            values(&points, &mut together);
+            for (out, seen) in of_points.into_iter().zip(together.chunks_exact(functions)) {
+                out.copy_from_slice(seen);
+            }
         });
-        let seen: Vec<Vec<[f64; 3]>> = seen.collect();
         self.parameters_of(&seen, functions)
     }
 
-    /// The operator applied to what the samples see, a vector of `functions` coefficients each.
-    fn parameters_of(&self, seen: &[Vec<[f64; 3]>], functions: usize) -> Vec<[f64; 3]> {
+    /// The operator applied to what the samples see, vector after vector of `functions` coefficients.
+    fn parameters_of(&self, seen: &[[f64; 3]], functions: usize) -> Vec<[f64; 3]> {
         let mut coefficients = vec![[0.0; 3]; self.model.parameters().len() * functions];
-        for (row, out) in
-            self.operator.chunks_exact(seen.len().max(1)).zip(coefficients.chunks_exact_mut(functions))
+        for (row, out) in self
+            .operator
+            .chunks_exact(self.samples.len().max(1))
+            .zip(coefficients.chunks_exact_mut(functions))
         {
-            for (factor, values) in row.iter().zip(seen) {
+            for (factor, values) in row.iter().zip(seen.chunks_exact(functions)) {
                 for (out, value) in out.iter_mut().zip(values) {
                     *out = [0, 1, 2].map(|c| out[c] + factor * value[c]);
                 }

@@ -1,7 +1,8 @@
 //! The pixels of a part, lit by lights one by one, by the rig, or by both.
 
 use crate::{
-    Light, LightPlan, PlacedPart, Projector, RigRows, ShadedRig, Source, SurfaceRows, add_reflectance,
+    Bands, CutDiscs, Light, LightPlan, PlacedPart, Projector, RigRows, ShadedRig, Source, SurfaceRows,
+    add_reflectance,
 };
 use rayon::prelude::*;
 use relight_core::CpuLevel;
@@ -52,7 +53,7 @@ impl Pixels {
     /// Every light evaluated exactly at every pixel.
     pub fn by_brute_force(&self, placed: &PlacedPart<'_>, lights: &[Light], level: CpuLevel) -> Reflected {
         let lights: Vec<_> = lights.iter().map(|light| (light, 1.0)).collect();
-        self.lit(&around(placed, &lights), None, level)
+        self.lit(&around(placed, &lights), CutDiscs::Exact, None, level)
     }
 
     /// All light through the rig.
@@ -60,33 +61,30 @@ impl Pixels {
         &self,
         placed: &PlacedPart<'_>,
         lights: &[Light],
-        bands: usize,
+        bands: impl Into<Bands>,
         level: CpuLevel,
     ) -> Reflected {
         let lights: Vec<_> = lights.iter().map(|light| (light, 1.0)).collect();
-        self.lit(&[], Some(&shaded(placed, &lights, bands, level)), level)
+        let rig = shaded(placed, &lights, bands.into(), level);
+        self.lit(&[], CutDiscs::Fast, Some(&rig), level)
     }
 
-    /// Each light as `plans` has it.
+    /// Each light as `plans` has it; discs that horizons cut are [`CutDiscs::Fast`].
     pub fn by_plan(
         &self,
         placed: &PlacedPart<'_>,
         lights: &[Light],
         plans: &[LightPlan],
-        bands: usize,
+        bands: impl Into<Bands>,
         level: CpuLevel,
     ) -> Reflected {
-        let shares = |share: fn(&LightPlan) -> f64| -> Vec<(&Light, f64)> {
-            let shares = lights.iter().zip(plans).map(|(light, plan)| (light, share(plan)));
-            shares.filter(|(_, share)| *share > 0.0).collect()
-        };
-        let analytic = shares(|plan| plan.analytic);
-        let through = shares(|plan| if plan.dropped { 0.0 } else { 1.0 - plan.analytic });
-        let rig = (!through.is_empty()).then(|| shaded(placed, &through, bands, level));
-        self.lit(&around(placed, &analytic), rig.as_ref(), level)
+        let analytic = shares(lights, plans, |plan| plan.analytic);
+        let through = through(lights, plans);
+        let rig = (!through.is_empty()).then(|| shaded(placed, &through, bands.into(), level));
+        self.lit(&around(placed, &analytic), CutDiscs::Fast, rig.as_ref(), level)
     }
 
-    fn lit(&self, lights: &[Light], rig: Option<&ShadedRig>, level: CpuLevel) -> Reflected {
+    fn lit(&self, lights: &[Light], cut: CutDiscs, rig: Option<&ShadedRig>, level: CpuLevel) -> Reflected {
         let mut out: Reflected = [0, 1, 2].map(|_| vec![0.0; self.len()]);
         let [r, g, b] = &mut out;
         let spans =
@@ -100,11 +98,43 @@ impl Pixels {
             }
             let ([x, y, z], [nx, ny, nz]) = (rows(&self.points), rows(&self.normals));
             for light in lights {
-                add_reflectance(light, level, &SurfaceRows { x, y, z, nx, ny, nz }, [r, g, b]);
+                add_reflectance(light, cut, level, &SurfaceRows { x, y, z, nx, ny, nz }, [r, g, b]);
             }
         });
         out
     }
+}
+
+impl PlacedPart<'_> {
+    /// [`crate::RigPart::reflectance_by_band`] of lights, each as often as `plans` sends it through the rig; of all in full without plans.
+    pub fn reflectance_by_band(
+        &self,
+        lights: &[Light],
+        plans: Option<&[LightPlan]>,
+        bands: usize,
+        level: CpuLevel,
+    ) -> Vec<Vec<[f64; 3]>> {
+        let lights = match plans {
+            Some(plans) => through(lights, plans),
+            None => lights.iter().map(|light| (light, 1.0)).collect(),
+        };
+        let coefficients = coefficients(self, &lights, bands, level);
+        self.part.reflectance_by_band(&coefficients, &self.placement, bands)
+    }
+}
+
+fn shares<'a>(
+    lights: &'a [Light],
+    plans: &[LightPlan],
+    share: fn(&LightPlan) -> f64,
+) -> Vec<(&'a Light, f64)> {
+    let shares = lights.iter().zip(plans).map(|(light, plan)| (light, share(plan)));
+    shares.filter(|(_, share)| *share > 0.0).collect()
+}
+
+/// What goes through the rig.
+fn through<'a>(lights: &'a [Light], plans: &[LightPlan]) -> Vec<(&'a Light, f64)> {
+    shares(lights, plans, |plan| if plan.dropped { 0.0 } else { 1.0 - plan.analytic })
 }
 
 fn part_of(columns: &[Vec<f32>; 3], range: Range<usize>) -> [&[f32]; 3] {
@@ -129,10 +159,19 @@ fn around(placed: &PlacedPart<'_>, lights: &[(&Light, f64)]) -> Vec<Light> {
     lights.iter().map(moved).collect()
 }
 
-fn shaded(placed: &PlacedPart<'_>, lights: &[(&Light, f64)], bands: usize, level: CpuLevel) -> ShadedRig {
+fn shaded(placed: &PlacedPart<'_>, lights: &[(&Light, f64)], bands: Bands, level: CpuLevel) -> ShadedRig {
+    ShadedRig::new(placed.part, &coefficients(placed, lights, bands.count, level), bands)
+}
+
+/// The rig's vectors, those of bands without irradiance left 0.
+fn coefficients(
+    placed: &PlacedPart<'_>,
+    lights: &[(&Light, f64)],
+    bands: usize,
+    level: CpuLevel,
+) -> Vec<[f64; 3]> {
     let part = placed.part;
     let middle = placed.placement.point(part.frame.centre);
-    let projector = Projector::new(lights, bands, (middle, part.frame.radius));
-    let coefficients = part.coefficients_by(&projector, &placed.placement, bands, level);
-    ShadedRig::new(part, &coefficients, bands)
+    let projector = Projector::new(lights, bands, (middle, part.frame.radius)).for_irradiance();
+    part.coefficients_by(&projector, &placed.placement, bands, level)
 }

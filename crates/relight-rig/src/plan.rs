@@ -9,7 +9,7 @@
 //! Source: *Irradiance Rigs*, section 3; the scale and the envelope are MATH.md's (section 1.4).
 
 use crate::errors::Envelope;
-use crate::{Light, Pixels, Placement, RigPart, Source, cosine_lobe};
+use crate::{Light, Pixels, Placement, RigPart, Ringing, Source, cosine_lobe};
 use rayon::prelude::*;
 use relight_core::vectors::{difference, length};
 use relight_core::{CpuLevel, srgb_from_linear};
@@ -22,7 +22,8 @@ const TRANSITION_RADII: f64 = 2.0;
 /// Width of the transition against the distance at which it begins, at least.
 const TRANSITION_SHARE: f64 = 0.25;
 
-/// Part of the tolerance that is used: between the points at which errors are measured they are a little larger.
+/// Part of the tolerance that is used. Between the points at which errors are measured they are a little larger: by as much again as the
+/// largest errors of every other point and of the rest are apart.
 const MARGIN: f64 = 0.8;
 
 /// Part of the tolerance that lights left out may take together.
@@ -39,7 +40,7 @@ const MOST_PICTURES: usize = 64;
 
 /// Surface points at which errors are measured, at least and at most.
 const FEWEST_POINTS: usize = 64;
-const MOST_POINTS: usize = 256;
+const MOST_POINTS: usize = 512;
 
 /// A part of a rig in one picture of a sequence.
 #[derive(Clone, Copy, Debug)]
@@ -73,13 +74,13 @@ pub struct PicturePlan {
     pub parts: Vec<Vec<LightPlan>>,
     /// Largest error at points of the surface, in grey levels of an sRGB-encoded picture, where it was measured.
     pub error_grey: Option<f64>,
+    /// By part: how far the plan's light rings below 0 at those points, where it was measured.
+    pub ringing: Option<Vec<Ringing>>,
 }
 
 /// The plan of a sequence.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
-    /// What was asked for.
-    pub tolerance_grey: f64,
     /// By part.
     pub rules: Vec<Rule>,
     /// By picture.
@@ -103,7 +104,7 @@ pub struct Rule {
 /// `pictures` have the lights and the placed parts of each; all have the same numbers of them. Errors are measured in
 /// 64 of them at most, evenly through the sequence.
 pub fn plan(
-    pictures: &[(Vec<Light>, Vec<PlacedPart<'_>>)],
+    pictures: &[(&[Light], Vec<PlacedPart<'_>>)],
     bands: usize,
     tolerance_grey: f64,
     level: CpuLevel,
@@ -114,31 +115,45 @@ pub fn plan(
     let looked: Vec<usize> =
         (0..looks).map(|look| look * (pictures.len() - 1) / (looks - 1).max(1)).collect();
     let points = (MOST_ERRORS / (each * looks)).clamp(FEWEST_POINTS, MOST_POINTS);
-    let measured_part = |part: usize| -> Vec<Measured> {
-        let pictures = looked.iter().map(|&picture| &pictures[picture]);
-        pictures.map(|(lights, parts)| Measured::new(&parts[part], lights, bands, points, level)).collect()
-    };
-    let mut plan = Plan { tolerance_grey, ..Plan::default() };
+    let mut plan = Plan::default();
     let mut errors = vec![0.0f64; looks];
+    let mut ringing = vec![Vec::new(); looks];
+    // By part, then picture.
+    let mut plans: Vec<Vec<Vec<LightPlan>>> = Vec::new();
     for part in 0..parts.len() {
-        let measured = measured_part(part);
+        let envelope = Envelope::new(&parts[part].part.errors);
+        let situations = pictures.iter().map(|(lights, parts)| -> Vec<Situation> {
+            lights.iter().map(|light| Situation::new(light, &parts[part], bands)).collect()
+        });
+        let situations: Vec<_> = situations.collect();
+        let measured = looked.iter().map(|&picture| {
+            let (lights, parts) = &pictures[picture];
+            let seen = Seen { situations: &situations[picture], envelope: envelope.as_ref() };
+            Measured::new(seen, &parts[part], lights, bands, points, level)
+        });
+        let measured: Vec<_> = measured.collect();
         let rule = rule_of(&measured, tolerance_grey);
-        for (error, measured) in errors.iter_mut().zip(&measured) {
-            *error = error.max(measured.error(&rule));
+        for (look, measured) in measured.iter().enumerate() {
+            errors[look] = errors[look].max(measured.error(&rule));
+            ringing[look].push(measured.ringing(&rule));
         }
         plan.rules.push(rule);
+        plans.push(situations.iter().map(|all| decide(all, &rule, envelope.as_ref())).collect());
     }
-    for (picture, (lights, parts)) in pictures.iter().enumerate() {
-        let of_part = |(part, placed)| plan.lights(part, lights, placed, bands);
-        let parts = parts.iter().enumerate().map(of_part).collect();
-        let error_grey = looked.iter().position(|&look| look == picture).map(|look| errors[look]);
-        plan.pictures.push(PicturePlan { parts, error_grey });
+    for picture in 0..pictures.len() {
+        let parts = plans.iter_mut().map(|pictures| std::mem::take(&mut pictures[picture])).collect();
+        let look = looked.iter().position(|&look| look == picture);
+        plan.pictures.push(PicturePlan {
+            parts,
+            error_grey: look.map(|look| errors[look]),
+            ringing: look.map(|look| std::mem::take(&mut ringing[look])),
+        });
     }
     plan
 }
 
 /// The least strict rule under which the part errs by no more than [`MARGIN`] of the tolerance in any picture.
-fn rule_of(measured: &[Measured], tolerance_grey: f64) -> Rule {
+fn rule_of(measured: &[Measured<'_>], tolerance_grey: f64) -> Rule {
     let tolerance = tolerance_grey / 255.0;
     // Less is left out where the scene is so dark that it would show.
     let limits = [1.0, 0.25, 1.0 / 16.0, 1.0 / 64.0].map(|share| share * DROPPED_SHARE * tolerance);
@@ -151,7 +166,10 @@ fn rule_of(measured: &[Measured], tolerance_grey: f64) -> Rule {
     };
     let keeps = |step: f64| {
         let rule = rule(step);
-        let errors = measured.par_iter().map(|measured| measured.error(&rule));
+        let errors = measured.par_iter().map(|measured| {
+            let [a, b] = measured.errors_of_halves(&rule);
+            a.max(b) + (a - b).abs()
+        });
         errors.reduce(|| 0.0, f64::max) <= MARGIN * tolerance_grey
     };
     // From strict to lenient, as long as the tolerance is kept: errors of lights cancel here and there, so a lenient value
@@ -164,14 +182,6 @@ fn rule_of(measured: &[Measured], tolerance_grey: f64) -> Rule {
         if keeps(middle) { strict = middle } else { lenient = middle }
     }
     rule(strict)
-}
-
-impl Plan {
-    /// What becomes of lights for a part, by its rule.
-    fn lights(&self, part: usize, lights: &[Light], placed: &PlacedPart<'_>, bands: usize) -> Vec<LightPlan> {
-        let situations: Vec<_> = lights.iter().map(|light| Situation::new(light, placed, bands)).collect();
-        decide(&situations, &self.rules[part], Envelope::new(&placed.part.errors).as_ref())
-    }
 }
 
 /// Where a light stands to a part.
@@ -223,19 +233,15 @@ impl Situation {
 
 /// The largest error of a directional light's irradiance in so many bands, for irradiance 1 at normal incidence.
 fn truncation(bands: usize) -> f64 {
-    let legendre = |x: f64| {
-        [
-            1.0,
-            x,
-            0.5 * (3.0 * x * x - 1.0),
-            0.5 * x * (5.0 * x * x - 3.0),
-            0.125 * (x * x * (35.0 * x * x - 30.0) + 3.0),
-        ]
-    };
     let error = |i: i32| {
         let x = 0.01 * f64::from(i);
-        let terms = legendre(x).into_iter().enumerate().take(bands);
-        let sum: f64 = terms.map(|(l, p)| cosine_lobe(l) * (2 * l + 1) as f64 / (4.0 * PI) * p).sum();
+        let (mut before, mut legendre, mut sum) = (0.0, 1.0, 0.0);
+        for l in 0..bands {
+            let degree = l as f64;
+            sum += cosine_lobe(l) * (2.0 * degree + 1.0) / (4.0 * PI) * legendre;
+            let next = ((2.0 * degree + 1.0) * x * legendre - degree * before) / (degree + 1.0);
+            (before, legendre) = (legendre, next);
+        }
         (sum - x.max(0.0)).abs()
     };
     (-100..=100).map(error).fold(0.0, f64::max)
@@ -273,18 +279,31 @@ fn planned_light(situation: &Situation, rule: &Rule, envelope: Option<&Envelope>
     LightPlan { analytic, dropped: false, distance, near, far }
 }
 
+/// Where the lights of a picture stand to a part, and its errors.
+#[derive(Clone, Copy)]
+struct Seen<'a> {
+    situations: &'a [Situation],
+    envelope: Option<&'a Envelope>,
+}
+
 /// What all lights do at points of a part in one picture.
-struct Measured {
-    situations: Vec<Situation>,
-    envelope: Option<Envelope>,
+struct Measured<'a> {
+    seen: Seen<'a>,
     /// By surface point: the sum of all lights' reflected radiance.
     exact: Vec<[f64; 3]>,
     /// By light, then surface point: reflected radiance, and what the rig errs by.
     lights: Vec<Vec<([f32; 3], [f32; 3])>>,
 }
 
-impl Measured {
-    fn new(placed: &PlacedPart<'_>, lights: &[Light], bands: usize, points: usize, level: CpuLevel) -> Self {
+impl<'a> Measured<'a> {
+    fn new(
+        seen: Seen<'a>,
+        placed: &PlacedPart<'_>,
+        lights: &[Light],
+        bands: usize,
+        points: usize,
+        level: CpuLevel,
+    ) -> Self {
         let surface = &placed.part.surface;
         let mut pixels = Pixels::default();
         for point in surface.iter().step_by(surface.len().div_ceil(points).max(1)) {
@@ -308,35 +327,42 @@ impl Measured {
             };
             of_lights.iter().fold([0.0; 3], add)
         });
-        Self {
-            situations: lights.iter().map(|light| Situation::new(light, placed, bands)).collect(),
-            envelope: Envelope::new(&placed.part.errors),
-            exact: exact.collect(),
-            lights: of_lights,
-        }
+        Self { seen, exact: exact.collect(), lights: of_lights }
     }
 
     fn lights(&self, rule: &Rule) -> Vec<LightPlan> {
-        decide(&self.situations, rule, self.envelope.as_ref())
+        decide(self.seen.situations, rule, self.seen.envelope)
     }
 
     /// The largest error under a rule, in encoded grey levels.
     fn error(&self, rule: &Rule) -> f64 {
+        self.errors_of_halves(rule).into_iter().fold(0.0, f64::max)
+    }
+
+    /// The same, of every other point and of the rest.
+    fn errors_of_halves(&self, rule: &Rule) -> [f64; 2] {
         let plans = self.lights(rule);
-        self.largest_error(|light| {
-            let plan = &plans[light];
-            if plan.dropped { (-1.0, 0.0) } else { (0.0, 1.0 - plan.analytic) }
-        })
+        self.largest_errors(|light| shares(&plans[light]))
+    }
+
+    /// How far what is drawn under a rule is below 0.
+    fn ringing(&self, rule: &Rule) -> Ringing {
+        let plans = self.lights(rule);
+        let errors = self.errors(|light| shares(&plans[light]));
+        Ringing::of(
+            self.exact.iter().zip(&errors).map(|(exact, error)| [0, 1, 2].map(|c| exact[c] + error[c])),
+        )
     }
 
     /// What leaving out lights up to a limit does alone.
     fn dropped_error(&self, limit: f64) -> f64 {
         let plans = self.lights(&Rule { strictness: 0.0, error: f64::INFINITY, dropped: limit });
-        self.largest_error(|light| (if plans[light].dropped { -1.0 } else { 0.0 }, 0.0))
+        let errors = self.largest_errors(|light| (if plans[light].dropped { -1.0 } else { 0.0 }, 0.0));
+        errors.into_iter().fold(0.0, f64::max)
     }
 
-    /// The largest error in grey levels where each light's reflected radiance and error count as often as `factors` says.
-    fn largest_error(&self, factors: impl Fn(usize) -> (f64, f64)) -> f64 {
+    /// By point, where each light's reflected radiance and error count as often as `factors` says.
+    fn errors(&self, factors: impl Fn(usize) -> (f64, f64)) -> Vec<[f64; 3]> {
         let mut sums = vec![[0.0f64; 3]; self.exact.len()];
         for (light, errors) in self.lights.iter().enumerate() {
             let (whole, rig) = factors(light);
@@ -347,10 +373,25 @@ impl Measured {
                 *sum = [0, 1, 2].map(|c| sum[c] + whole * f64::from(exact[c]) + rig * f64::from(error[c]));
             }
         }
-        let encoded = |linear: f64| f64::from(srgb_from_linear(linear.clamp(0.0, 1.0) as f32));
-        let differences = self.exact.iter().zip(&sums).flat_map(|(exact, error)| {
-            [0, 1, 2].map(|c| 255.0 * (encoded(exact[c] + error[c]) - encoded(exact[c])).abs())
-        });
-        differences.fold(0.0, f64::max)
+        sums
     }
+
+    /// The largest of [`Self::errors`] in encoded grey levels, of every other point and of the rest.
+    fn largest_errors(&self, factors: impl Fn(usize) -> (f64, f64)) -> [f64; 2] {
+        let errors = self.errors(factors);
+        let encoded = |linear: f64| f64::from(srgb_from_linear(linear.clamp(0.0, 1.0) as f32));
+        let mut largest = [0.0f64; 2];
+        for (i, (exact, error)) in self.exact.iter().zip(&errors).enumerate() {
+            for c in 0..3 {
+                let grey = 255.0 * (encoded(exact[c] + error[c]) - encoded(exact[c])).abs();
+                largest[i % 2] = largest[i % 2].max(grey);
+            }
+        }
+        largest
+    }
+}
+
+/// How often a light's reflected radiance and its error in the rig count.
+fn shares(plan: &LightPlan) -> (f64, f64) {
+    if plan.dropped { (-1.0, 0.0) } else { (0.0, 1.0 - plan.analytic) }
 }

@@ -1,7 +1,7 @@
 //! Rigs at every pixel: many points at once, in f32.
 
-use crate::light::lanes::{LANES, Lanes, RECURSION, lanes};
-use crate::{AxisFunction, MOST_BANDS, RigPart, cosine_lobe};
+use crate::light::rows::{ROW, Row, add_product, first, for_each_function, put_product, step, turn};
+use crate::{AxisFunction, Bands, MOST_BANDS, RigPart, cosine_lobe};
 use relight_core::{CpuLevel, Vectorized};
 use std::f64::consts::PI;
 
@@ -13,8 +13,20 @@ pub struct ShadedRig {
     functions: [Vec<AxisFunction>; 3],
     /// By parameter: its function of each axis.
     products: Vec<[usize; 3]>,
-    /// By parameter, then function of the normal: R, G, B of reflected radiance.
-    coefficients: Vec<[f32; 3]>,
+    /// By parameter, then function of the normal that irradiance has, in order: R, G, B of reflected radiance. Black ones fill the
+    /// last [`TOGETHER`].
+    coefficients: Vec<[[[f32; 3]; TOGETHER]; MOST_TOGETHER]>,
+}
+
+/// Functions that are added together, so that sums are stored less often.
+const TOGETHER: usize = 4;
+
+/// Most of these: functions of bands 0, 1, 2, 4 and 6.
+const MOST_TOGETHER: usize = 8;
+
+/// Whether a band's radiance makes irradiance.
+fn is_seen(l: usize) -> bool {
+    cosine_lobe(l) != 0.0
 }
 
 /// Points of a part and where light goes.
@@ -30,7 +42,8 @@ pub struct RigRows<'a> {
 
 impl ShadedRig {
     /// From the vectors of [`RigPart::coefficients`].
-    pub fn new(part: &RigPart, coefficients: &[[f64; 3]], bands: usize) -> Self {
+    pub fn new(part: &RigPart, coefficients: &[[f64; 3]], bands: impl Into<Bands>) -> Self {
+        let Bands { count: bands, window } = bands.into();
         let mut functions: [Vec<AxisFunction>; 3] = Default::default();
         let products = part.model.parameters().iter().map(|product| {
             [0, 1, 2].map(|axis| {
@@ -43,9 +56,15 @@ impl ShadedRig {
         });
         let products = products.collect();
         let count = bands * bands;
-        let coefficients = coefficients.iter().enumerate().map(|(i, values)| {
-            let lobe = cosine_lobe((i % count).isqrt()) / PI;
-            values.map(|value| (lobe * value) as f32)
+        let coefficients = coefficients.chunks_exact(count).map(|vector| {
+            let mut out = [[[0.0; 3]; TOGETHER]; MOST_TOGETHER];
+            let seen = (0..count).filter(|at| is_seen(at.isqrt()));
+            for (at, out) in seen.zip(out.as_flattened_mut()) {
+                let l = at.isqrt();
+                let lobe = cosine_lobe(l) / PI * window.factors[l];
+                *out = vector[at].map(|value| (lobe * value) as f32);
+            }
+            out
         });
         Self { bands, functions, products, coefficients: coefficients.collect() }
     }
@@ -76,49 +95,57 @@ impl Vectorized for Adding<'_> {
     #[inline(always)]
     fn run(self) {
         let Self { rig, mut rows } = self;
-        let functions = rig.bands * rig.bands;
-        let mut harmonics = [[0.0; LANES]; MOST_BANDS * MOST_BANDS];
-        let mut of_axes: [Vec<Lanes>; 3] =
-            rig.functions.each_ref().map(|list| vec![[0.0; LANES]; list.len()]);
-        for first in (0..rows.out[0].len()).step_by(LANES) {
-            let lanes = LANES.min(rows.out[0].len() - first);
+        // By function, those without irradiance left out.
+        let mut harmonics = [[[0.0; ROW]; TOGETHER]; MOST_TOGETHER];
+        let count = (0..rig.bands).filter(|&l| is_seen(l)).map(|l| 2 * l + 1).sum::<usize>();
+        let mut before = [0; MOST_BANDS];
+        for l in 1..rig.bands {
+            before[l] = before[l - 1] + if is_seen(l - 1) { 2 * l - 1 } else { 0 };
+        }
+        let mut of_axes: [Vec<Row>; 3] = rig.functions.each_ref().map(|list| vec![[0.0; ROW]; list.len()]);
+        for start in (0..rows.out[0].len()).step_by(ROW) {
+            let lanes = ROW.min(rows.out[0].len() - start);
             let load = |row: &[f32]| {
-                let mut lane = [0.0; LANES];
-                lane[..lanes].copy_from_slice(&row[first..first + lanes]);
+                let mut lane = [0.0; ROW];
+                lane[..lanes].copy_from_slice(&row[start..start + lanes]);
                 lane
             };
-            RECURSION.evaluate(rig.bands, &rows.normals.map(load), &mut harmonics);
+            for_each_function!(rig.bands, &rows.normals.map(load), [1.0; ROW], |l, at, a, b| {
+                if is_seen(l) {
+                    put_product(&mut harmonics.as_flattened_mut()[before[l] + at - l * l], a, b);
+                }
+            });
             let coordinates = rows.coordinates.map(load);
             for axis in 0..3 {
                 for (function, values) in rig.functions[axis].iter().zip(&mut of_axes[axis]) {
-                    *values = values_of(*function, &coordinates[axis]);
+                    put_values(*function, &coordinates[axis], values);
                 }
             }
-            let mut sums = [[0.0f32; LANES]; 3];
-            for (product, coefficients) in rig.products.iter().zip(rig.coefficients.chunks_exact(functions)) {
+            let mut sums = [[0.0f32; ROW]; 3];
+            for (product, coefficients) in rig.products.iter().zip(&rig.coefficients) {
                 let [x, y, z] = [0, 1, 2].map(|axis| &of_axes[axis][product[axis]]);
-                let mut weights = [0.0; LANES];
-                for i in 0..LANES {
+                let mut weights = [0.0; ROW];
+                let mut any = 0;
+                for i in 0..ROW {
                     weights[i] = x[i] * y[i] * z[i];
+                    any |= weights[i].to_bits();
                 }
                 // Most nodes of a lattice are far from all of these points.
-                if weights == [0.0; LANES] {
+                if any == 0 {
                     continue;
                 }
-                let mut values = [[0.0f32; LANES]; 3];
-                for (harmonic, color) in
-                    harmonics.iter().zip(coefficients).filter(|(_, color)| **color != [0.0; 3])
+                let mut values = [[0.0f32; ROW]; 3];
+                for (harmonics, coefficients) in
+                    harmonics.iter().zip(coefficients).take(count.div_ceil(TOGETHER))
                 {
-                    for (value, &factor) in values.iter_mut().zip(color) {
-                        *value = lanes!(|i| value[i] + factor * harmonic[i]);
-                    }
+                    add(harmonics, coefficients, &mut values);
                 }
                 for (sum, value) in sums.iter_mut().zip(&values) {
-                    *sum = lanes!(|i| sum[i] + weights[i] * value[i]);
+                    add_product(sum, &weights, value);
                 }
             }
             for (out, sum) in rows.out.iter_mut().zip(&sums) {
-                for (out, value) in out[first..first + lanes].iter_mut().zip(sum) {
+                for (out, value) in out[start..start + lanes].iter_mut().zip(sum) {
                     *out += value;
                 }
             }
@@ -126,21 +153,33 @@ impl Vectorized for Adding<'_> {
     }
 }
 
+/// Adds functions by their coefficients, one after the other.
 #[inline(always)]
-fn values_of(function: AxisFunction, coordinate: &Lanes) -> Lanes {
-    let mut values = [1.0; LANES];
+fn add(functions: &[Row; TOGETHER], coefficients: &[[f32; 3]; TOGETHER], [r, g, b]: &mut [Row; 3]) {
+    for i in 0..ROW {
+        let mut sum = [r[i], g[i], b[i]];
+        for k in 0..TOGETHER {
+            for c in 0..3 {
+                sum[c] += coefficients[k][c] * functions[k][i];
+            }
+        }
+        [r[i], g[i], b[i]] = sum;
+    }
+}
+
+#[inline(always)]
+fn put_values(function: AxisFunction, coordinate: &Row, values: &mut Row) {
     match function {
-        AxisFunction::One => {}
-        AxisFunction::Coordinate => values = *coordinate,
+        AxisFunction::One => *values = [1.0; ROW],
+        AxisFunction::Coordinate => *values = *coordinate,
         AxisFunction::Hat { node, nodes } => {
             let (scale, node) = (0.5 * (nodes - 1) as f32, node as f32);
-            for i in 0..LANES {
+            for i in 0..ROW {
                 let place = (coordinate[i].clamp(-1.0, 1.0) + 1.0) * scale;
                 values[i] = (1.0 - (place - node).abs()).max(0.0);
             }
         }
     }
-    values
 }
 
 #[cfg(test)]
@@ -166,11 +205,11 @@ mod tests {
         let mut random = crate::surface::Random { state: 3 };
         // A length that leaves lanes over, coordinates outside the box among them.
         let mut number = |_| 2.6 * random.next() - 1.3;
-        let points: Vec<[f64; 3]> = (0..53).map(|_| [0, 1, 2].map(&mut number)).collect();
+        let points: Vec<[f64; 3]> = (0..150).map(|_| [0, 1, 2].map(&mut number)).collect();
         let normals: Vec<[f64; 3]> =
-            (0..53).map(|_| relight_core::vectors::unit([0, 1, 2].map(&mut number)).unwrap()).collect();
+            (0..150).map(|_| relight_core::vectors::unit([0, 1, 2].map(&mut number)).unwrap()).collect();
         for (model, bands) in
-            [("constant", 6), ("gradient", 3), ("lattice:3x2x4", 3), ("mixed:3,gradient,constant", 2)]
+            [("constant", 7), ("gradient", 3), ("lattice:3x2x4", 3), ("mixed:3,gradient,constant", 2)]
         {
             let part = part(model);
             let coefficients: Vec<[f64; 3]> = (0..part.model.parameters().len() * bands * bands)
@@ -181,7 +220,7 @@ mod tests {
             let [p, n] = [&points, &normals].map(|of| [0, 1, 2].map(|axis| column(of, axis)));
             let mut all = Vec::new();
             for level in CpuLevel::available() {
-                let mut out = [0, 1, 2].map(|c| vec![c as f32; 53]);
+                let mut out = [0, 1, 2].map(|c| vec![c as f32; 150]);
                 let [r, g, b] = &mut out;
                 let rows = RigRows {
                     coordinates: p.each_ref().map(Vec::as_slice),

@@ -133,7 +133,7 @@ fn plans_keep_the_tolerance_and_leave_out_what_is_not_seen() {
         color: [1.5; 3],
     });
     let level = CpuLevel::detect();
-    let plan = plan(&[(lights.clone(), vec![placed])], 3, 2.0, level);
+    let plan = plan(&[(&lights, vec![placed])], 3, 2.0, level);
     let plans = &plan.pictures[0].parts[0];
     assert_eq!(plans[0].analytic, 1.0, "right beside the mesh: {plans:?}");
     assert!(plans[2].dropped && !plans[1].dropped, "{plans:?}");
@@ -166,7 +166,8 @@ fn a_light_that_flies_past_does_not_pop() {
         light.color = [3e4, 2e4, 1e4];
         light
     };
-    let pictures: Vec<_> = (0..frames).map(|frame| (vec![light(frame)], vec![placed])).collect();
+    let lights: Vec<_> = (0..frames).map(|frame| [light(frame)]).collect();
+    let pictures: Vec<_> = lights.iter().map(|light| (&light[..], vec![placed])).collect();
     let level = CpuLevel::detect();
     let plan = plan(&pictures, 3, 1.0, level);
     let mut pixels = Pixels::default();
@@ -176,7 +177,7 @@ fn a_light_that_flies_past_does_not_pop() {
     let mut worst = 0.0f32;
     let mut in_transition = 0;
     let mut before: Option<[relight_rig::Reflected; 2]> = None;
-    for (frame, (lights, _)) in pictures.iter().enumerate() {
+    for (frame, &(lights, _)) in pictures.iter().enumerate() {
         let plans = &plan.pictures[frame].parts[0];
         let now =
             [pixels.by_plan(&placed, lights, plans, 3, level), pixels.by_brute_force(&placed, lights, level)];

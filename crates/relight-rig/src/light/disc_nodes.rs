@@ -3,7 +3,7 @@
 use super::harmonics::MOST_BANDS;
 use super::lanes::{LANES, Lanes, RECURSION, three};
 use super::projector::{Totals, lane_sum};
-use super::quadrature::gauss_legendre;
+use super::quadrature::{Node, gauss_legendre};
 use super::{Light, Source};
 use relight_core::vectors::{difference, dot, frame_around, length};
 use relight_core::{CpuLevel, Vectorized};
@@ -12,40 +12,66 @@ use std::sync::LazyLock;
 
 /// Nodes of a disc of radius 1.
 pub(super) struct Rule {
-    /// Least distance of the middle in radii for errors below 1e-4 of the largest coefficient or slope of 7 bands.
+    /// Least distance of the middle in radii for errors below 1e-4 of the largest coefficient of 7 bands.
     pub(super) nearest: f64,
-    /// x, y, and share of the area.
+    /// The same for slopes.
+    nearest_for_slopes: f64,
+    count: usize,
+    /// x, y, and share of the area; the last ones may have none.
     nodes: Vec<[Lanes; 3]>,
 }
 
 impl Rule {
-    /// Gauss's nodes in the squared radius by equal steps around; turned from ring to ring.
-    fn new<const RINGS: usize>(nearest: f64, spokes: usize) -> Self {
-        let mut nodes = vec![[[0.0; LANES]; 3]; RINGS * spokes / LANES];
-        for (ring, (node, weight)) in gauss_legendre::<RINGS>().into_iter().enumerate() {
+    /// `rings` in the squared radius, a node at the middle and `spokes` of all others; turned from ring to ring.
+    fn new(rings: &[Node], spokes: usize, [nearest, nearest_for_slopes]: [f64; 2]) -> Self {
+        let mut places = Vec::new();
+        for (ring, &(node, weight)) in rings.iter().enumerate() {
+            let spokes = if node > 0.0 { spokes } else { 1 };
             for spoke in 0..spokes {
                 let turn = (spoke as f64 + 0.5 * (ring % 2) as f64) / spokes as f64;
                 let (sin, cos) = libm::sincos(2.0 * PI * turn);
-                let at = ring * spokes + spoke;
-                let values = [node.sqrt() * cos, node.sqrt() * sin, weight / spokes as f64];
-                for (row, value) in nodes[at / LANES].iter_mut().zip(values) {
-                    row[at % LANES] = value as f32;
-                }
+                places.push([node.sqrt() * cos, node.sqrt() * sin, weight / spokes as f64]);
             }
         }
-        Self { nearest, nodes }
+        let mut nodes = vec![[[0.0; LANES]; 3]; places.len().div_ceil(LANES)];
+        for (at, place) in places.iter().enumerate() {
+            for (row, &value) in nodes[at / LANES].iter_mut().zip(place) {
+                row[at % LANES] = value as f32;
+            }
+        }
+        Self { nearest, nearest_for_slopes, count: places.len(), nodes }
     }
 
     /// x, y and share of the area, a node after the other.
     #[inline(always)]
     pub(super) fn places(&self) -> impl Iterator<Item = [f32; 3]> {
-        self.nodes.iter().flat_map(|[x, y, share]| (0..LANES).map(|i| [x[i], y[i], share[i]]))
+        let places = self.nodes.iter().flat_map(|[x, y, share]| (0..LANES).map(|i| [x[i], y[i], share[i]]));
+        places.take(self.count)
     }
 }
 
+/// How many [`RULES`] there are.
+pub(super) const RULE_COUNT: usize = 7;
+
 /// From few nodes to many.
-pub(super) static RULES: LazyLock<[Rule; 4]> = LazyLock::new(|| {
-    [Rule::new::<2>(5.8, 8), Rule::new::<3>(2.8, 16), Rule::new::<6>(1.95, 24), Rule::new::<8>(1.62, 32)]
+pub(super) static RULES: LazyLock<[Rule; RULE_COUNT]> = LazyLock::new(|| {
+    // Radau's nodes have one at the middle.
+    let root = 6.0f64.sqrt();
+    let two = [(0.0, 0.25), (2.0 / 3.0, 0.75)];
+    let three = [
+        (0.0, 1.0 / 9.0),
+        (0.1 * (6.0 - root), (16.0 + root) / 36.0),
+        (0.1 * (6.0 + root), (16.0 - root) / 36.0),
+    ];
+    [
+        Rule::new(&[(0.5, 1.0)], 7, [15.2, 17.5]),
+        Rule::new(&two, 7, [6.5, 7.1]),
+        Rule::new(&gauss_legendre::<2>(), 10, [4.0, 4.35]),
+        Rule::new(&three, 14, [2.85, 3.05]),
+        Rule::new(&gauss_legendre::<3>(), 16, [2.55, 2.8]),
+        Rule::new(&gauss_legendre::<4>(), 20, [2.13, 2.35]),
+        Rule::new(&gauss_legendre::<8>(), 32, [1.62, 1.62]),
+    ]
 });
 
 /// A disc and what it takes to sum over it.
@@ -53,15 +79,34 @@ pub(super) static RULES: LazyLock<[Rule; 4]> = LazyLock::new(|| {
 pub(super) struct Disc {
     light: Light,
     centre: [f64; 3],
-    normal: [f64; 3],
-    radius: f64,
-    across: [[f64; 3]; 2],
+    pub(super) normal: [f64; 3],
+    pub(super) radius: f64,
+    /// Axes of unit length.
+    pub(super) across: [[f64; 3]; 2],
+    /// The middle from the ball's middle.
+    pub(super) position: [f64; 3],
+    /// Units in a length of the scene, a power of two.
+    pub(super) unit: f64,
+    /// Radiance times area, in its own units.
+    pub(super) brightness: [f64; 3],
 }
 
 impl Disc {
-    pub(super) fn new(centre: [f64; 3], normal: [f64; 3], radius: f64, color: [f64; 3]) -> Self {
+    /// For points around `middle`.
+    pub(super) fn new(
+        centre: [f64; 3],
+        normal: [f64; 3],
+        radius: f64,
+        color: [f64; 3],
+        middle: [f64; 3],
+    ) -> Self {
         let light = Light { name: String::new(), source: Source::Disc { centre, normal, radius }, color };
-        Self { light, centre, normal, radius, across: frame_around(normal) }
+        let position = difference(centre, middle);
+        let (_, exponent) = libm::frexp(length(position));
+        let unit = libm::ldexp(1.0, -exponent.clamp(-1000, 1000));
+        let size = radius * unit;
+        let brightness = color.map(|c| c * (PI * size * size));
+        Self { light, centre, normal, radius, across: frame_around(normal), position, unit, brightness }
     }
 
     /// Adds what a point sees of it: to `totals`, or to values and slopes themselves.
@@ -79,7 +124,8 @@ impl Disc {
         if height.is_nan() || height <= 0.0 {
             return;
         }
-        let Some(rule) = RULES.iter().find(|rule| distance >= rule.nearest * self.radius) else {
+        let nearest = |rule: &Rule| if GRADIENT { rule.nearest_for_slopes } else { rule.nearest };
+        let Some(rule) = RULES.iter().find(|rule| distance >= nearest(rule) * self.radius) else {
             return if GRADIENT {
                 self.light.add_projection_with_gradient(point, bands, values, gradients);
             } else {

@@ -78,9 +78,9 @@ pub(super) const MOST_LANE_BANDS: usize = 11;
 /// Source: MATH.md section 1.1, stable form.
 pub(crate) struct Recursion {
     /// Legendre's P_m^m, by m; sqrt(2) of m > 0 included.
-    sectoral: [f32; MOST_LANE_BANDS],
+    pub(super) sectoral: [f32; MOST_LANE_BANDS],
     /// (a, a b) of the step from l to l + 1, by m, then l.
-    steps: [[(f32, f32); MOST_LANE_BANDS]; MOST_LANE_BANDS],
+    pub(super) steps: [[(f32, f32); MOST_LANE_BANDS]; MOST_LANE_BANDS],
 }
 
 /// The factors, in f64 until they are rounded.
@@ -118,39 +118,6 @@ impl Recursion {
                 } else {
                     out[at + m] = lanes!(|i| current[i] * cos_m[i]);
                     out[at - m] = lanes!(|i| current[i] * sin_m[i]);
-                }
-                let (a, ab) = self.steps[m][l];
-                let next = lanes!(|i| a * (z[i] * current[i]) - ab * before[i]);
-                before = current;
-                current = next;
-            }
-            let next = lanes!(|i| x[i] * cos_m[i] - y[i] * sin_m[i]);
-            sin_m = lanes!(|i| y[i] * cos_m[i] + x[i] * sin_m[i]);
-            cos_m = next;
-        }
-    }
-
-    /// Adds `weight` times Y_lm of unit vectors to `sums[l * l + l + m]` for `bands` bands.
-    ///
-    /// Not all functions first and then one loop over them: the compiler makes vectors of functions of that, gathered from afar.
-    #[inline(always)]
-    pub(super) fn accumulate(
-        &self,
-        bands: usize,
-        [x, y, z]: &[Lanes; 3],
-        weight: &Lanes,
-        sums: &mut [Lanes],
-    ) {
-        let (mut cos_m, mut sin_m) = (*weight, [0.0f32; LANES]);
-        for m in 0..bands {
-            let (mut before, mut current) = ([0.0f32; LANES], [self.sectoral[m]; LANES]);
-            for l in m..bands {
-                let at = l * l + l;
-                let sum = sums[at + m];
-                sums[at + m] = lanes!(|i| sum[i] + current[i] * cos_m[i]);
-                if m > 0 {
-                    let sum = sums[at - m];
-                    sums[at - m] = lanes!(|i| sum[i] + current[i] * sin_m[i]);
                 }
                 let (a, ab) = self.steps[m][l];
                 let next = lanes!(|i| a * (z[i] * current[i]) - ab * before[i]);

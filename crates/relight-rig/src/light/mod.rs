@@ -4,20 +4,22 @@
 //! other, so that a radius of 1e-30 with a radiance of 1e60 is a light as any other.
 
 mod disc;
-mod disc_batch;
 mod disc_harmonics;
 mod disc_nodes;
+mod disc_pairs;
+mod disc_segments;
 mod harmonics;
 pub(crate) mod lanes;
 mod projector;
 mod quadrature;
 mod reflectance;
+pub(crate) mod rows;
 mod sphere;
 mod sphere_table;
 
 pub use harmonics::{MOST_BANDS, cosine_lobe};
 pub use projector::Projector;
-pub use reflectance::{SurfaceRows, add_reflectance};
+pub use reflectance::{CutDiscs, SurfaceRows, add_reflectance};
 pub use sphere_table::{SphereTable, TableAxes};
 
 use disc::View;

@@ -4,10 +4,11 @@
 //! length of its own, a power of two, so that all else fits f32. Blocks of lights are summed in f32, in [`LANES`] sums
 //! that are added in order, blocks in f64: the same bits at every CPU level.
 
-use super::disc_batch::{DiscBatch, DiscBlock, FarDisc};
 use super::disc_nodes::Disc;
-use super::harmonics::{MOST_BANDS, SLOPES};
+use super::disc_pairs::{DiscLook, POINTS};
+use super::harmonics::{MOST_BANDS, SLOPES, cosine_lobe};
 use super::lanes::{LANES, Lanes, RECURSION, lanes, three};
+use super::sphere::{zonal_slopes, zonal_values};
 use super::{Light, Source};
 use relight_core::vectors::{difference, length};
 use relight_core::{CpuLevel, Vectorized};
@@ -24,12 +25,11 @@ pub struct Projector {
     batches: Vec<Batch>,
     /// What the batches' sums are multiplied by.
     scale: f64,
-    /// Discs that stay away from all points of the ball, for values; slopes take all discs one by one.
-    disc_batches: Vec<DiscBatch>,
-    disc_scale: f64,
-    /// Those that may be near.
-    near_discs: Vec<Disc>,
     discs: Vec<Disc>,
+    /// What the discs' sums are multiplied by.
+    disc_scale: f64,
+    /// By band: whether its coefficients are asked for.
+    is_asked: [bool; MOST_BANDS],
     /// Of lights that are the same everywhere.
     constant: Vec<[f64; 3]>,
 }
@@ -58,8 +58,7 @@ impl Projector {
     pub fn new(lights: &[(&Light, f64)], bands: usize, ball: ([f64; 3], f64)) -> Self {
         super::check(bands, bands * bands);
         let mut constant = vec![[0.0; 3]; bands * bands];
-        let (mut discs, mut near_discs, mut far_discs) = (Vec::new(), Vec::new(), Vec::new());
-        let mut emitters = Vec::new();
+        let (mut discs, mut emitters) = (Vec::new(), Vec::new());
         for &(light, factor) in lights {
             let color = light.color.map(|c| c * factor);
             match &light.source {
@@ -70,25 +69,24 @@ impl Projector {
                     emitters.push(Emitter::new(*position, 0.0, *nearest, color, ball));
                 }
                 Source::Disc { centre, normal, radius } => {
-                    let disc = Disc::new(*centre, *normal, *radius, color);
-                    match FarDisc::new(*centre, *normal, *radius, color, ball) {
-                        Some(far) => far_discs.push(far),
-                        None => near_discs.push(disc.clone()),
-                    }
-                    discs.push(disc);
+                    discs.push(Disc::new(*centre, *normal, *radius, color, ball.0));
                 }
                 Source::Directional { .. } | Source::Probe(_) => {
                     Light { color, ..light.clone() }.add_projection(ball.0, bands, &mut constant);
                 }
             }
         }
-        let brightest = emitters.iter().flat_map(|e| e.color).fold(0.0f64, |a, c| a.max(c.abs()));
-        let scale = if brightest > 0.0 { brightest } else { 1.0 };
+        let scale = brightest(emitters.iter().map(|emitter| emitter.color));
+        let disc_scale = brightest(discs.iter().map(|disc| disc.brightness));
         let batches = emitters.chunks(LANES).map(|emitters| Batch::new(emitters, scale)).collect();
-        let brightest = far_discs.iter().map(FarDisc::brightness).fold(0.0, f64::max);
-        let disc_scale = if brightest > 0.0 { brightest } else { 1.0 };
-        let disc_batches = DiscBatch::of(&far_discs, disc_scale);
-        Self { bands, centre: ball.0, batches, scale, disc_batches, disc_scale, near_discs, discs, constant }
+        let is_asked = [true; MOST_BANDS];
+        Self { bands, centre: ball.0, batches, scale, discs, disc_scale, is_asked, constant }
+    }
+
+    /// Leaves coefficients 0 that irradiance has none of: those of the odd bands from 3 on.
+    pub fn for_irradiance(mut self) -> Self {
+        self.is_asked = std::array::from_fn(|l| cosine_lobe(l) != 0.0);
+        self
     }
 
     /// Writes R, G, B of the coefficients that [`Light::add_projection`] would add up to, within 2e-6 of the largest
@@ -97,10 +95,45 @@ impl Projector {
     /// # Panics
     /// When `out` is not bands^2 long.
     pub fn project(&self, level: CpuLevel, point: [f64; 3], out: &mut [[f64; 3]]) {
-        super::check(self.bands, out.len());
-        out.copy_from_slice(&self.constant);
-        let totals = self.totals::<false>(level, point, out, &mut []);
-        totals.add_values(out);
+        self.project_all(level, &[point], out);
+    }
+
+    /// As [`Self::project`] for each of some points, one after the other in `out`.
+    ///
+    /// Points that follow each other look at discs together, so that bits depend on what else is among `points`.
+    ///
+    /// # Panics
+    /// When `out` is not points x bands^2 long.
+    pub fn project_all(&self, level: CpuLevel, points: &[[f64; 3]], out: &mut [[f64; 3]]) {
+        let functions = self.bands * self.bands;
+        assert_eq!(out.len(), points.len() * functions, "a coefficient a point and function");
+        for (points, out) in points.chunks(POINTS).zip(out.chunks_mut(POINTS * functions)) {
+            for out in out.chunks_exact_mut(functions) {
+                out.copy_from_slice(&self.constant);
+            }
+            let mut from = [[0.0; 3]; POINTS];
+            for (from, point) in from.iter_mut().zip(points) {
+                *from = difference(*point, self.centre);
+            }
+            let near = match &self.discs[..] {
+                [] => Vec::new(),
+                discs => level.run(DiscLook {
+                    bands: self.bands,
+                    is_asked: self.is_asked,
+                    discs,
+                    scale: self.disc_scale,
+                    points: &from[..points.len()],
+                    out,
+                }),
+            };
+            for (&point, out) in points.iter().zip(out.chunks_exact_mut(functions)) {
+                let near = near.iter().map(|&disc| &self.discs[disc]);
+                self.totals::<false>(level, point, near, out, &mut []).add_values(out);
+                for l in (0..self.bands).filter(|&l| !self.is_asked[l]) {
+                    out[l * l..(l + 1) * (l + 1)].fill([0.0; 3]);
+                }
+            }
+        }
     }
 
     /// As [`Self::project`], and slopes of coefficient i along the axis a to `gradients[i][a]`.
@@ -118,15 +151,17 @@ impl Projector {
         super::check(self.bands, gradients.len());
         values.copy_from_slice(&self.constant);
         gradients.fill([[0.0; 3]; 3]);
-        let totals = self.totals::<true>(level, point, values, gradients);
+        let totals = self.totals::<true>(level, point, self.discs.iter(), values, gradients);
         totals.add_values(values);
         totals.add_gradients(gradients);
     }
 
-    fn totals<const GRADIENT: bool>(
+    /// Of spheres, points and `discs`.
+    fn totals<'a, const GRADIENT: bool>(
         &self,
         level: CpuLevel,
         point: [f64; 3],
+        discs: impl Iterator<Item = &'a Disc>,
         values: &mut [[f64; 3]],
         gradients: &mut [[[f64; 3]; 3]],
     ) -> Totals {
@@ -136,17 +171,17 @@ impl Projector {
             let (bands, scale, totals) = (self.bands, self.scale, &mut totals);
             level.run(Block::<GRADIENT> { bands, block, from, scale, totals });
         }
-        if !GRADIENT {
-            for block in self.disc_batches.chunks(BLOCK) {
-                let (bands, scale, totals) = (self.bands, self.disc_scale, &mut totals);
-                level.run(DiscBlock { bands, block, from, scale, totals });
-            }
-        }
-        for disc in if GRADIENT { &self.discs } else { &self.near_discs } {
+        for disc in discs {
             disc.add::<GRADIENT>(level, self.bands, point, &mut totals, values, gradients);
         }
         totals
     }
+}
+
+/// The largest channel; 1 of nothing.
+fn brightest(colors: impl Iterator<Item = [f64; 3]>) -> f64 {
+    let largest = colors.flatten().fold(0.0f64, |most, c| most.max(c.abs()));
+    if largest > 0.0 { largest } else { 1.0 }
 }
 
 /// A sphere or a point, in a unit of its own.
@@ -387,30 +422,14 @@ impl Seen {
             // The squared sine of half the angle that it fills, 0 for points, and the cosine.
             let q = batch.radius2[i] as f32 * fall_off;
             let c = (tangent2[i].max(0.0) * inverse).sqrt();
-            let z = [
-                2.0 / (1.0 + c),
-                1.0,
-                c,
-                1.0 - 1.25 * q,
-                c * (1.0 - 1.75 * q),
-                1.0 + q * (2.625 * q - 3.5),
-                c * (1.0 + q * (4.125 * q - 4.5)),
-            ];
+            let z = zonal_values!(q, c);
             for (values, z) in seen.values.iter_mut().zip(z) {
                 values[i] = fall_off * z;
             }
             if GRADIENT {
                 let odd = if beyond2[i] > 0.0 { 2.0 } else { 0.0 };
                 let even = if c > 0.0 { odd / c } else { 0.0 };
-                let g = [
-                    even,
-                    odd,
-                    even * (1.0 - 1.5 * q),
-                    odd * (1.0 - 2.5 * q),
-                    even * (1.0 + q * (4.375 * q - 5.0)),
-                    odd * (1.0 + q * (7.875 * q - 7.0)),
-                    even * (1.0 + q * (q * (23.625 - 14.4375 * q) - 10.5)),
-                ];
+                let g = zonal_slopes!(q, |p| even * p, odd * p);
                 let steepness = fall_off * nearness * batch.unit[i] as f32;
                 let steepness = if away { steepness } else { 0.0 };
                 for (l, (g, z)) in g.into_iter().zip(z).enumerate() {

@@ -4,6 +4,7 @@
 //! radii of 1e-30 or 1e30 nor far origins lose digits. Colours go with squared radii in f64 first.
 
 use super::disc::View;
+use super::disc_segments::{Rim, SEGMENT_RULES, SEGMENTS, Segments};
 use super::lanes::{LANES, MOST_LANE_BANDS, RECURSION, angle, arctangent_rest, lanes, three};
 use super::{Light, Probe, Source, cosine_lobe};
 use relight_core::vectors::wide;
@@ -23,14 +24,29 @@ pub struct SurfaceRows<'a> {
     pub nz: &'a [f32],
 }
 
+/// How a disc is evaluated at points whose horizon cuts it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CutDiscs {
+    /// Point by point in f64, as [`Light::irradiance`]: what judges.
+    Exact,
+    /// Many points at once in f32, from 2 radii on: within 2e-4 of what the disc gives at most from there.
+    Fast,
+}
+
 /// Adds R, G, B of what a white diffuser reflects of a light, irradiance / pi, to the rows of `out`.
 ///
-/// [`Light::irradiance`] within 1e-6 of what the light gives a surface that faces it. Discs that the horizon cuts are
-/// evaluated one by one in f64. The bits are the same at every level and however points are split into rows.
+/// [`Light::irradiance`] within 1e-6 of what the light gives at most from there (discs turned towards the point), but for discs that are cut, which are
+/// as `cut` says. The bits are the same at every level and however points are split into rows.
 ///
 /// # Panics
 /// When rows are of different lengths.
-pub fn add_reflectance(light: &Light, level: CpuLevel, points: &SurfaceRows<'_>, out: [&mut [f32]; 3]) {
+pub fn add_reflectance(
+    light: &Light,
+    cut: CutDiscs,
+    level: CpuLevel,
+    points: &SurfaceRows<'_>,
+    out: [&mut [f32]; 3],
+) {
     let n = points.x.len();
     let rows = [points.y, points.z, points.nx, points.ny, points.nz];
     assert!(
@@ -56,6 +72,7 @@ pub fn add_reflectance(light: &Light, level: CpuLevel, points: &SurfaceRows<'_>,
                 place,
                 whole: (*centre, *normal, *radius),
                 area: PI * size * size,
+                cut,
             };
             level.run(Rows { points, out, work });
         }
@@ -262,9 +279,10 @@ struct Disc {
     whole: ([f64; 3], [f64; 3], f64),
     /// In the place's units.
     area: f64,
+    cut: CutDiscs,
 }
 
-/// What a disc's factor is where the horizon cuts it: those points are evaluated one by one.
+/// What a disc's factor is where the horizon cuts it: those points are mended.
 const CUT: f32 = -1.0;
 
 impl AtPoint for Disc {
@@ -302,9 +320,27 @@ impl AtPoint for Disc {
 
     #[inline(always)]
     fn mend(&self, factors: &mut [f32], points: &Strip) {
+        // By rule: points that are evaluated together.
+        let mut places = [[0; STRIP]; SEGMENT_RULES];
+        let mut counts = [0; SEGMENT_RULES];
         for (i, factor) in factors.iter_mut().enumerate() {
-            if *factor == CUT {
-                *factor = self.cut(points.facing(i));
+            if *factor != CUT {
+                continue;
+            }
+            let facing = points.facing(i);
+            let towards = self.place.towards(facing.point);
+            let rule = Segments::index(dot(towards, towards), self.radius * self.radius);
+            match rule.filter(|_| self.cut == CutDiscs::Fast) {
+                Some(rule) => {
+                    places[rule][counts[rule]] = i;
+                    counts[rule] += 1;
+                }
+                None => *factor = self.exact(facing),
+            }
+        }
+        for (rule, (places, count)) in SEGMENTS.iter().zip(places.iter().zip(counts)) {
+            for places in places[..count].chunks(LANES) {
+                self.put_segments(rule, places, factors, points);
             }
         }
     }
@@ -312,10 +348,29 @@ impl AtPoint for Disc {
 
 impl Disc {
     #[inline(never)]
-    fn cut(&self, Facing { point, normal }: Facing) -> f32 {
+    fn exact(&self, Facing { point, normal }: Facing) -> f32 {
         let (centre, axis, radius) = self.whole;
         let view = View::new(centre, axis, radius, wide(point));
         view.map_or(0.0, |view| (view.irradiance(wide(normal)) / self.area) as f32)
+    }
+
+    /// The factors of up to [`LANES`] points that the disc is cut for.
+    #[inline(always)]
+    fn put_segments(&self, rule: &Segments, places: &[usize], factors: &mut [f32], points: &Strip) {
+        let (mut towards, mut normal) = ([[1.0; LANES]; 3], [[1.0; LANES]; 3]);
+        for (lane, &i) in places.iter().enumerate() {
+            let facing = points.facing(i);
+            let v = self.place.towards(facing.point);
+            for axis in 0..3 {
+                towards[axis][lane] = v[axis];
+                normal[axis][lane] = facing.normal[axis];
+            }
+        }
+        let rim = Rim { normal: self.normal, radius: self.radius };
+        let segments = rim.segments(rule, &towards, &normal);
+        for (&i, segment) in places.iter().zip(segments) {
+            factors[i] = segment;
+        }
     }
 }
 

@@ -5,6 +5,52 @@
 use super::harmonics::{MOST_BANDS, Zonal};
 use std::f64::consts::PI;
 
+/// z_l over pi sine^2 by band, from sine^2 and cosine, in f32 or f64.
+macro_rules! zonal_values {
+    ($q:expr, $c:expr) => {{
+        let (q, c) = ($q, $c);
+        [
+            2.0 / (1.0 + c),
+            1.0,
+            c,
+            1.0 - 1.25 * q,
+            c * (1.0 - 1.75 * q),
+            1.0 + q * (2.625 * q - 3.5),
+            c * (1.0 + q * (4.125 * q - 4.5)),
+        ]
+    }};
+}
+pub(super) use zonal_values;
+
+/// The distance times g_l over 2 pi sine^2 by band, from sine^2: `$even` and `$odd` of a polynomial each. Over the cosine in even bands.
+macro_rules! zonal_slopes {
+    ($q:expr, |$p:ident| $even:expr, $odd:expr) => {{
+        let q = $q;
+        macro_rules! even {
+            ($polynomial:expr) => {{
+                let $p = $polynomial;
+                $even
+            }};
+        }
+        macro_rules! odd {
+            ($polynomial:expr) => {{
+                let $p = $polynomial;
+                $odd
+            }};
+        }
+        [
+            even!(1.0),
+            odd!(1.0),
+            even!(1.0 - 1.5 * q),
+            odd!(1.0 - 2.5 * q),
+            even!(1.0 + q * (4.375 * q - 5.0)),
+            odd!(1.0 + q * (7.875 * q - 7.0)),
+            even!(1.0 + q * (q * (23.625 - 14.4375 * q) - 10.5)),
+        ]
+    }};
+}
+pub(super) use zonal_slopes;
+
 /// What a sphere looks like from a distance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
@@ -30,29 +76,8 @@ impl Seen {
     /// bands' slopes grow without bound towards the surface; on it and within nothing changes with distance.
     pub(super) fn zonal(self) -> Zonal {
         let (q, c) = (self.sine * self.sine, self.cosine);
-        let values = [
-            2.0 / (1.0 + c),
-            1.0,
-            c,
-            1.0 - 1.25 * q,
-            c * (1.0 - 1.75 * q),
-            1.0 + q * (2.625 * q - 3.5),
-            c * (1.0 + q * (4.125 * q - 4.5)),
-        ];
-        let slopes = if c == 0.0 {
-            [0.0; MOST_BANDS]
-        } else {
-            [
-                1.0 / c,
-                1.0,
-                (1.0 - 1.5 * q) / c,
-                1.0 - 2.5 * q,
-                (1.0 + q * (4.375 * q - 5.0)) / c,
-                1.0 + q * (7.875 * q - 7.0),
-                (1.0 + q * (q * (23.625 - 14.4375 * q) - 10.5)) / c,
-            ]
-        };
-        Zonal { values: values.map(|z| PI * z), slopes: slopes.map(|g| 2.0 * PI * g) }
+        let slopes = if c == 0.0 { [0.0; MOST_BANDS] } else { zonal_slopes!(q, |p| p / c, p) };
+        Zonal { values: zonal_values!(q, c).map(|z| PI * z), slopes: slopes.map(|g| 2.0 * PI * g) }
     }
 
     /// Irradiance / sine^2 for radiance 1, of the part above the horizon; `cosine` is that between the normal and the middle.

@@ -1,14 +1,13 @@
 //! Lighting at the nodes of a lattice over the mesh's box, trilinear between them.
 
-use super::mixed::product;
-use super::{AxisFunction, ModelFamily};
+use super::{AxisFunction, ModelFamily, Products};
 
 pub(super) const FAMILY: ModelFamily =
     ModelFamily { name: "lattice", form: "lattice:XxYxZ (2 to 64 nodes along each axis, or 1)", parse };
 
-fn parse(rest: &str) -> Option<Vec<[AxisFunction; 3]>> {
+fn parse(rest: &str) -> Option<Products> {
     let nodes = rest.split('x').map(|nodes| nodes.parse().ok().and_then(hats)).collect::<Option<Vec<_>>>()?;
-    Some(product(&<[_; 3]>::try_from(nodes).ok()?))
+    Some(Products::All(nodes.try_into().ok()?))
 }
 
 /// The functions of an axis of 1 to 64 nodes; one node is the same all along it.

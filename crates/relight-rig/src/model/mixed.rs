@@ -3,7 +3,7 @@
 //! Source: *Irradiance Rigs*, section 2.1: three nodes along the length, a slope over the height, nothing across.
 
 use super::lattice::hats;
-use super::{AxisFunction, ModelFamily};
+use super::{AxisFunction, ModelFamily, Products};
 
 pub(super) const FAMILY: ModelFamily = ModelFamily {
     name: "mixed",
@@ -11,17 +11,11 @@ pub(super) const FAMILY: ModelFamily = ModelFamily {
     parse,
 };
 
-fn parse(rest: &str) -> Option<Vec<[AxisFunction; 3]>> {
+fn parse(rest: &str) -> Option<Products> {
     let axes = rest.split(',').map(|axis| match axis {
         "constant" => Some(vec![AxisFunction::One]),
         "gradient" => Some(vec![AxisFunction::One, AxisFunction::Coordinate]),
         nodes => nodes.parse().ok().and_then(hats),
     });
-    Some(product(&<[_; 3]>::try_from(axes.collect::<Option<Vec<_>>>()?).ok()?))
-}
-
-/// Every product of a function of x, one of y and one of z; x changes fastest.
-pub(super) fn product([x, y, z]: &[Vec<AxisFunction>; 3]) -> Vec<[AxisFunction; 3]> {
-    let rows = z.iter().flat_map(|&z| y.iter().map(move |&y| (y, z)));
-    rows.flat_map(|(y, z)| x.iter().map(move |&x| [x, y, z])).collect()
+    Some(Products::All(axes.collect::<Option<Vec<_>>>()?.try_into().ok()?))
 }

@@ -57,7 +57,37 @@ pub struct ModelFamily {
     /// What they look like.
     pub form: &'static str,
     /// The products of what follows the name and a colon; `None` where it makes no sense.
-    pub parse: fn(&str) -> Option<Vec<[AxisFunction; 3]>>,
+    pub parse: fn(&str) -> Option<Products>,
+}
+
+/// Products of functions of the three coordinates, one a parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Products {
+    /// These.
+    These(Vec<[AxisFunction; 3]>),
+    /// Every product of a function of x, one of y and one of z; x changes fastest.
+    All([Vec<AxisFunction>; 3]),
+}
+
+impl Products {
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        match self {
+            Self::These(products) => products.len(),
+            Self::All(axes) => axes.iter().map(Vec::len).product(),
+        }
+    }
+
+    /// All of them.
+    pub fn list(self) -> Vec<[AxisFunction; 3]> {
+        match self {
+            Self::These(products) => products,
+            Self::All([x, y, z]) => {
+                let rows = z.iter().flat_map(|&z| y.iter().map(move |&y| (y, z)));
+                rows.flat_map(|(y, z)| x.iter().map(move |&x| [x, y, z])).collect()
+            }
+        }
+    }
 }
 
 /// All kinds, the cheapest first.
@@ -72,13 +102,12 @@ impl Model {
         let (name, rest) = text.split_once(':').unwrap_or((text, ""));
         let family = MODELS.iter().find(|family| family.name == name);
         let forms = || MODELS.map(|family| family.form).join(", ");
-        let parameters = family.and_then(|family| (family.parse)(rest));
-        let parameters =
-            parameters.ok_or_else(|| RigError::Model { text: text.to_owned(), forms: forms() })?;
-        if parameters.len() > MOST_PARAMETERS {
-            return Err(RigError::TooManyParameters { parameters: parameters.len(), most: MOST_PARAMETERS });
+        let products = family.and_then(|family| (family.parse)(rest));
+        let products = products.ok_or_else(|| RigError::Model { text: text.to_owned(), forms: forms() })?;
+        if products.count() > MOST_PARAMETERS {
+            return Err(RigError::TooManyParameters { parameters: products.count(), most: MOST_PARAMETERS });
         }
-        Ok(Self { text: text.to_owned(), parameters })
+        Ok(Self { text: text.to_owned(), parameters: products.list() })
     }
 
     /// What [`Self::parse`] understands.

@@ -2,7 +2,7 @@
 
 use crate::{COLOR, light, sphere};
 use relight_core::CpuLevel;
-use relight_rig::{Projector, Source, SurfaceRows, add_reflectance, cosine_lobe};
+use relight_rig::{CutDiscs, Projector, Source, SurfaceRows, add_reflectance, cosine_lobe};
 use serde_json::Value;
 use std::f64::consts::PI;
 
@@ -131,7 +131,8 @@ fn clipped_irradiance_of_spheres_side_by_side() {
         let exact = light.irradiance([0.0; 3], [f64::from(nx), 0.0, f64::from(nz)])[1] / PI;
         let points = SurfaceRows { x: &[0.0], y: &[0.0], z: &[0.0], nx: &[nx], ny: &[0.0], nz: &[nz] };
         let (mut red, mut green, mut blue) = ([0.0], [0.0], [0.0]);
-        add_reflectance(&light, CpuLevel::detect(), &points, [&mut red, &mut green, &mut blue]);
+        let out = [&mut red[..], &mut green, &mut blue];
+        add_reflectance(&light, CutDiscs::Exact, CpuLevel::detect(), &points, out);
         let error = (f64::from(green[0]) - exact).abs() * PI / COLOR[1];
         let size = radius * radius * radius.max(cosine.abs()).min(1.0);
         let bound = if radius <= 0.9 { 4e-7 * size } else { 1e-6 };

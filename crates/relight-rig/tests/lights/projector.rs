@@ -65,7 +65,9 @@ fn many_lights_of_all_kinds_but_discs() {
 #[test]
 fn discs_at_all_distances() {
     let mut random = Random(22);
-    for distance in [0.3, 1.2, 1.62, 1.75, 1.95, 2.3, 2.8, 3.1, 4.0, 5.8, 7.0, 14.0, 100.0] {
+    let of_values = [1.62, 2.13, 2.55, 2.85, 4.0, 6.5, 15.2];
+    let of_slopes = [1.62, 2.35, 2.8, 3.05, 4.35, 7.1, 17.5];
+    for distance in [0.3, 1.2, 1.75, 2.0, 100.0].into_iter().chain(of_values).chain(of_slopes) {
         for _ in 0..40 {
             let (away, mut normal) = (random.direction(), random.direction());
             if crate::dot(away, normal) > 0.0 {

@@ -1,8 +1,9 @@
 //! What many points reflect, in f32, against exact irradiance.
 
-use crate::{COLOR, Random, disc, light, sphere};
+use crate::{COLOR, Random, disc, dot, light, sphere};
 use relight_core::CpuLevel;
-use relight_rig::{Light, Source, SurfaceRows, add_reflectance};
+use relight_core::vectors::{frame_around, unit};
+use relight_rig::{CutDiscs, Light, Source, SurfaceRows, add_reflectance};
 use std::f64::consts::PI;
 
 /// Points and normals, row by row.
@@ -25,7 +26,7 @@ impl Points {
         SurfaceRows { x, y, z, nx, ny, nz }
     }
 
-    fn reflectance(&self, light: &Light, level: CpuLevel, strips: usize) -> [Vec<f32>; 3] {
+    fn reflectance(&self, light: &Light, cut: CutDiscs, level: CpuLevel, strips: usize) -> [Vec<f32>; 3] {
         let count = self.0[0].len();
         // Something to add to.
         let mut out = [vec![0.25f32; count], vec![0.5; count], vec![1.0; count]];
@@ -34,6 +35,7 @@ impl Points {
             let [r, g, b] = &mut out;
             add_reflectance(
                 light,
+                cut,
                 level,
                 &self.rows(from, to),
                 [&mut r[from..to], &mut g[from..to], &mut b[from..to]],
@@ -51,7 +53,7 @@ impl Points {
 
 /// The largest error over the largest value.
 fn error(light: &Light, points: &Points) -> f64 {
-    let found = points.reflectance(light, CpuLevel::detect(), 1000);
+    let found = points.reflectance(light, CutDiscs::Exact, CpuLevel::detect(), 1000);
     let (mut worst, mut most) = (0.0f64, 0.0f64);
     for (channel, found) in found.iter().enumerate() {
         for (i, &found) in found.iter().enumerate() {
@@ -121,11 +123,69 @@ fn any_level_and_any_split_give_the_same_bits() {
     let points = Points::new(333, &mut random, 0.0);
     for _ in 0..60 {
         let light = random.light();
-        let expected = points.reflectance(&light, CpuLevel::BASELINE, 333);
-        for level in CpuLevel::available() {
-            assert_eq!(points.reflectance(&light, level, 333), expected, "{light:?} {}", level.name());
-            assert_eq!(points.reflectance(&light, level, 29), expected, "{light:?} {}", level.name());
+        for cut in [CutDiscs::Exact, CutDiscs::Fast] {
+            let expected = points.reflectance(&light, cut, CpuLevel::BASELINE, 333);
+            for level in CpuLevel::available() {
+                for strips in [333, 29] {
+                    let found = points.reflectance(&light, cut, level, strips);
+                    assert_eq!(found, expected, "{light:?} {cut:?} {}", level.name());
+                }
+            }
         }
+    }
+}
+
+/// Discs that every horizon cuts somewhere: within 2e-4 of what they give at most from there, from 2 radii to far away, seen
+/// edge-on and from in front, with a sliver above the horizon or below it. Nearer ones are exact.
+#[test]
+fn discs_that_the_horizon_cuts_side_by_side() {
+    let mut random = Random(36);
+    let bounds = [(1.0, 2.0, 1e-6), (2.0, 3.0, 2e-4), (3.0, 4.0, 2e-4), (4.0, 6.0, 2e-4), (6.0, 8.0, 2e-4)];
+    for (from, to, bound) in bounds.into_iter().chain([(8.0, 30.0, 2e-4), (30.0, 1e4, 2e-4)]) {
+        let (mut worst, mut count) = (0.0f64, 0);
+        for case in 0..400 {
+            let towards = random.direction();
+            let distance = from * (to / from as f64).powf(random.number().abs());
+            let centre = towards.map(|c| c * distance);
+            // Every fourth is seen nearly from the side.
+            let tilt = if case % 4 == 0 { 1e-3 } else { 1.0 };
+            let [x, y] = frame_around(towards);
+            let (turn, rise) = (6.3 * random.number().abs(), tilt * random.number().abs());
+            let aside = [0, 1, 2].map(|i| libm::cos(turn) * x[i] + libm::sin(turn) * y[i]);
+            let axis = unit([0, 1, 2].map(|i| aside[i] - rise * towards[i])).unwrap();
+            let light = Light { color: COLOR.map(|c| c * distance * distance), ..disc(centre, axis, 1.0) };
+            let mut points = Points::new(64, &mut random, 0.0);
+            for i in 0..64 {
+                let [x, y] = frame_around(axis);
+                let turn = 6.3 * random.number().abs();
+                // The horizon goes through a place on the disc.
+                let far =
+                    [0.0, 0.5, 0.999, 1.0][i % 4] * if i % 3 == 0 { random.number().abs() } else { 1.0 };
+                let place =
+                    [0, 1, 2].map(|k| centre[k] + far * (libm::cos(turn) * x[k] + libm::sin(turn) * y[k]));
+                let [a, b] = frame_around(unit(place).unwrap());
+                let turn = 6.3 * random.number().abs();
+                let normal = [0, 1, 2].map(|k| libm::cos(turn) * a[k] + libm::sin(turn) * b[k]);
+                for k in 0..3 {
+                    points.0[k][i] = 0.0;
+                    points.0[3 + k][i] = normal[k] as f32;
+                }
+            }
+            // Turned towards a point that faces it.
+            let facing = disc(centre, towards.map(|c| -c), 1.0).irradiance([0.0; 3], towards)[1] / PI;
+            let facing = facing * distance * distance;
+            let found = points.reflectance(&light, CutDiscs::Fast, CpuLevel::detect(), 64);
+            for i in 0..64 {
+                let normal = [3, 4, 5].map(|k| f64::from(points.0[k][i]));
+                let (middle, aside) = (dot(normal, centre), dot(normal, axis));
+                count += usize::from(middle.abs() < (1.0 - aside * aside).sqrt());
+                let error = (f64::from(found[1][i]) - points.exact(&light, i)[1]).abs();
+                worst = worst.max(error / facing);
+            }
+        }
+        println!("{from} to {to} radii: {worst:.1e} of {count}");
+        assert!(worst < bound, "{from} to {to}: {worst}");
+        assert!(count > 15_000, "{count} are cut");
     }
 }
 
@@ -144,7 +204,7 @@ fn all_lights_behind() {
         light(Source::Directional { direction: [0.0, 0.6, 0.8] }),
     ];
     for light in lights {
-        let found = points.reflectance(&light, CpuLevel::detect(), 200);
+        let found = points.reflectance(&light, CutDiscs::Fast, CpuLevel::detect(), 200);
         for (row, value) in found.iter().zip([0.25, 0.5, 1.0]) {
             assert!(row.iter().all(|&v| v == value), "{light:?}");
         }
