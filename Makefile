@@ -3,7 +3,7 @@
 CARGO ?= cargo
 RELIGHT = target/release/relight
 
-.PHONY: demo check fmt clippy walls test doc bench accuracy report deny clean
+.PHONY: demo check fmt clippy walls test doc recipes bench accuracy report deny clean
 
 ## Build, bake the real capture in testdata/ and light it anew.
 demo:
@@ -34,6 +34,11 @@ test:
 
 doc:
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
+
+## The recipes of examples/ with build systems and farm engines, which pip brings to target/recipes; skips what can't be had.
+recipes:
+	$(CARGO) build --package relight --locked
+	tests/recipes/run "$${CARGO_TARGET_DIR:-target}/debug/relight"
 
 ## Time, memory and stages beside djpeg; wants ../shared/data/relief1024 and djpeg (libjpeg-turbo-progs).
 bench:

@@ -140,8 +140,14 @@ fn stages(set: &Path, family: &str, count: usize) {
         coefficient_distributions(&stack, (&fit, layout), level, || Ok::<(), FitError>(())).expect("ranges")
     });
     let path = folder.join("relight-bench-stages.ktx2");
-    let model =
-        Model { basis: fit.basis.clone(), layout, space: Space::Encoded, lights: directions, figures: None };
+    let model = Model {
+        basis: fit.basis.clone(),
+        layout,
+        space: Space::Encoded,
+        lights: directions,
+        figures: None,
+        provenance: None,
+    };
     let format = AssetFormat::by_path(&path).expect("ktx2");
     let texels = format.plain_format(layout, Precision::U8);
     let (chosen, quantizers) = timed(|| {

@@ -4,7 +4,7 @@ use crate::failure::{Exit, Failure};
 use crate::near::{NearOptions, relit_near};
 use crate::options::{Machine, MachineOptions, check_apart, check_writable};
 use crate::photograph_options::PhotographOptions;
-use crate::say::say;
+use crate::say::{self, say};
 use crate::{interrupt, notes, progress};
 use clap::Args;
 use rayon::prelude::*;
@@ -101,7 +101,7 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
         write_picture(path, &heat_map(capture.size(), errors), PictureDepth::U8)?;
     }
     if arguments.json {
-        say!("{:#}", evaluation.to_json());
+        say::json(&evaluation.to_json());
     } else {
         evaluation.print();
     }

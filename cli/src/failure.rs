@@ -1,5 +1,6 @@
 //! Failures in words, once, and the exit codes.
 
+use crate::log;
 use relight_core::BasisError;
 use relight_fit::FitError;
 use relight_formats::FormatError;
@@ -32,6 +33,22 @@ pub(crate) enum Exit {
     Interrupted = 130,
 }
 
+impl Exit {
+    /// What it stands for, in the words of [`EXIT_CODES`].
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::CheckFailed => "check failed",
+            Self::Usage => "usage",
+            Self::BadInput => "bad input",
+            Self::InputOutput => "input/output",
+            Self::OverBudget => "over budget",
+            Self::Unsupported => "unsupported",
+            Self::Bug => "bug",
+            Self::Interrupted => "interrupted",
+        }
+    }
+}
+
 /// Why a command ended early.
 #[derive(Debug)]
 pub(crate) struct Failure {
@@ -61,14 +78,23 @@ impl Failure {
     }
 
     /// Why.
-    #[cfg(feature = "gpu")]
     pub(crate) fn words(&self) -> &str {
         &self.message
     }
 
+    /// This failure, which came up where `place` says.
+    pub(crate) fn within(self, place: &str) -> Self {
+        Self { message: format!("{place}: {}", self.message), ..self }
+    }
+
+    /// The exit code.
+    pub(crate) fn exit(&self) -> Exit {
+        self.exit
+    }
+
     /// Says why on standard error and gives the exit code.
     pub(crate) fn report(&self) -> ExitCode {
-        eprintln!("relight: error: {}", self.message);
+        log::error(self.exit, &self.message);
         ExitCode::from(self.exit as u8)
     }
 }

@@ -1,7 +1,7 @@
 //! `relight info`: what is in a file.
 
 use crate::failure::Failure;
-use crate::say::say;
+use crate::say::{self, say};
 use clap::Args;
 use relight_formats::describe;
 use std::path::PathBuf;
@@ -22,7 +22,7 @@ pub(crate) fn run(arguments: &InfoArguments) -> Result<(), Failure> {
     if arguments.json {
         let object: serde_json::Map<String, serde_json::Value> =
             facts.into_iter().map(|(name, value)| (name, value.into())).collect();
-        say!("{:#}", serde_json::Value::Object(object));
+        say::json(&serde_json::Value::Object(object));
         return Ok(());
     }
     let width = facts.iter().map(|(name, _)| name.len()).max().unwrap_or(0);

@@ -10,6 +10,7 @@ pub(crate) fn watch() {
     // Without a handler the system's default ends the process, which is as good as it gets then.
     let _ = ctrlc::set_handler(|| {
         if CANCEL.swap(true, Ordering::Relaxed) {
+            crate::thread_tokens::release();
             std::process::exit(crate::failure::Exit::Interrupted as i32);
         }
     });

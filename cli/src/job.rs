@@ -5,53 +5,191 @@
 //! relative to its folder.
 
 use crate::bake::BakeArguments;
-use crate::failure::{Failure, words_of_parser};
-use clap::{Arg, ArgAction, Args, Command};
+use crate::failure::{Exit, Failure, words_of_parser};
+use crate::key::{InputsArguments, KeyArguments};
+use crate::plan::{PlanArguments, is_path};
+use crate::say::is_dash;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use std::ffi::OsString;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
-
-/// Keys whose values are paths.
-const PATHS: [&str; 9] =
-    ["input", "output", "report", "heatmaps", "positions", "depth", "camera", "scene", "intensities"];
 
 /// Keys of which a flag of the user's replaces all others.
 const SIZES: [&str; 3] = ["k", "order", "degree"];
 
-/// Replaces a job file among the arguments of `bake` by what it says.
+/// Flags that name one file, of which several jobs need one each.
+const FILES: [(&str, &str); 4] =
+    [("output", "-o"), ("report", "--report"), ("heatmaps", "--heatmaps"), ("depfile", "--depfile")];
+
+/// A command to run.
+pub(crate) struct Call {
+    /// Its job in words.
+    pub(crate) name: String,
+    /// The file of that, where it has one.
+    pub(crate) job_file: Option<PathBuf>,
+    /// Arguments, the program's name first, or why there are none.
+    pub(crate) arguments: Result<Vec<OsString>, Failure>,
+}
+
+/// A job file in words.
+fn name_of(path: &Path) -> String {
+    if is_dash(path) { "standard input".to_owned() } else { path.display().to_string() }
+}
+
+/// The calls that arguments stand for: themselves, or where `bake` (or what takes the same) is given job files one for each, in
+/// which the file is replaced by what it says.
 ///
 /// # Errors
-/// A job file that can't be read, is no TOML, has an unknown key or a value that is no text
-/// or number.
-pub(crate) fn expand(arguments: Vec<OsString>) -> Result<Vec<OsString>, Failure> {
-    let is_bake = arguments.get(1).is_some_and(|command| command == "bake");
-    let is_job = |argument: &OsString| {
-        Path::new(argument).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
-    };
-    if !is_bake {
-        return Ok(arguments);
+/// Exit code 2 for several jobs that share a file to write. A job file that can't be read, is no TOML, has an unknown key or
+/// a value that is no text or number is that call's failure.
+pub(crate) fn expand(arguments: Vec<OsString>) -> Result<Vec<Call>, Failure> {
+    let mut arguments = arguments;
+    let names_plan = |argument: &OsString| argument.to_string_lossy().split('=').next() == Some("--plan");
+    if arguments.get(1).is_some_and(|command| command == "bake") && arguments.iter().any(names_plan) {
+        arguments[1] = "shard".into();
     }
-    // The parser tells the input from the values of flags.
-    let command = BakeArguments::augment_args(Command::new("bake")).ignore_errors(true).no_binary_name(true);
-    let parsed = command.mut_args(|arg| arg.required(false)).try_get_matches_from(&arguments[2..]);
-    let input = parsed.ok().and_then(|matches| matches.get_raw("input")?.next().map(OsString::from));
-    let Some(input) = input.filter(is_job) else { return Ok(arguments) };
-    let Some(at) = arguments.iter().rposition(|argument| *argument == input) else { return Ok(arguments) };
-    let path = PathBuf::from(&arguments[at]);
-    let text = relight_formats::read_text(&path)?;
-    let given: Vec<OsString> =
-        arguments[2..].iter().enumerate().filter(|(i, _)| i + 2 != at).map(|(_, a)| a.clone()).collect();
-    let from_job = arguments_of_job(&text, &path, &given)?;
-    Ok(arguments[..2].iter().cloned().chain(from_job).chain(given).collect())
+    let name = arguments.get(1).and_then(|command| command.to_str()).unwrap_or_default().to_owned();
+    let is_job = |argument: &OsString| {
+        let path = Path::new(argument);
+        is_dash(path) || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
+    };
+    let plain =
+        |arguments| Ok(vec![Call { name: "relight".to_owned(), job_file: None, arguments: Ok(arguments) }]);
+    let Some(command) = command_of(&name) else { return plain(arguments) };
+    let Some(parsed) = parsed(&command, &arguments[2..]) else { return plain(arguments) };
+    let jobs = inputs_of(&parsed);
+    if jobs.is_empty() || !jobs.iter().all(is_job) {
+        return plain(arguments);
+    }
+    if let [_, _, ..] = &jobs[..] {
+        let is_given = |id: &str| parsed.value_source(id) == Some(ValueSource::CommandLine);
+        if let Some((id, flag)) = FILES.iter().find(|(id, _)| is_given(id)) {
+            return Err(Failure::usage(format!(
+                "{flag} names one file, but there are {} jobs; give each job file a key '{id}' of its own",
+                jobs.len()
+            )));
+        }
+        if jobs.iter().filter(|job| is_dash(Path::new(job))).count() > 1 {
+            return Err(Failure::usage("- stands for standard input, which holds one job; give it once"));
+        }
+    }
+    let mut given = arguments[2..].to_vec();
+    for (index, job) in jobs.iter().enumerate().rev() {
+        match place_of_input(&command, &given, job, &jobs[..index]) {
+            Some(at) => drop(given.remove(at)),
+            None => return plain(arguments),
+        }
+    }
+    let keys = BakeArguments::augment_args(Command::new("bake"));
+    let call = |job: OsString| {
+        let path = PathBuf::from(job);
+        let mut own = arguments_of_file(&keys, &path, &given);
+        if name == "plan" {
+            own = own.map(|own| own.into_iter().map(asset_of_plan).collect());
+        }
+        let all =
+            |own: Vec<OsString>| arguments[..2].iter().cloned().chain(own).chain(given.clone()).collect();
+        let job_file = Some(path.clone()).filter(|path| !is_dash(path));
+        Call { name: name_of(&path), job_file, arguments: own.map(all) }
+    };
+    Ok(jobs.into_iter().map(call).collect())
+}
+
+/// What words after `relight bake` say.
+///
+/// # Errors
+/// Exit code 2 for words that can't be meant.
+pub(crate) fn bake_arguments(words: impl IntoIterator<Item = OsString>) -> Result<BakeArguments, Failure> {
+    let command =
+        BakeArguments::augment_args(Command::new("bake").no_binary_name(true).args_override_self(true));
+    let parsed =
+        command.try_get_matches_from(words).and_then(|matches| BakeArguments::from_arg_matches(&matches));
+    parsed.map_err(|error| Failure::of_command_line(&error))
+}
+
+/// The subcommand of that name, where it is one that takes what `bake` does, as a parser that finds nothing wrong.
+fn command_of(name: &str) -> Option<Command> {
+    let command = Command::new("bake").ignore_errors(true).no_binary_name(true);
+    let command = match name {
+        "bake" => BakeArguments::augment_args(command),
+        "key" => KeyArguments::augment_args(command),
+        "inputs" => InputsArguments::augment_args(command),
+        "plan" => PlanArguments::augment_args(command),
+        _ => return None,
+    };
+    let command = command.mut_args(|arg| arg.required(false));
+    Some(command.mut_arg("input", |arg| arg.num_args(1..).action(ArgAction::Append)))
+}
+
+/// What `command` makes of arguments.
+fn parsed(command: &Command, arguments: &[OsString]) -> Option<ArgMatches> {
+    command.clone().try_get_matches_from(arguments).ok()
+}
+
+/// There, -o names the plan.
+fn asset_of_plan(argument: OsString) -> OsString {
+    match argument.to_str().and_then(|text| text.strip_prefix("--output=")) {
+        Some(output) => format!("--asset={output}").into(),
+        None => argument,
+    }
+}
+
+/// What is no flag and no value of one.
+fn inputs_of(parsed: &ArgMatches) -> Vec<OsString> {
+    parsed.get_raw("input").into_iter().flatten().map(OsString::from).collect()
+}
+
+/// Where `job` stands among `arguments` as an input, those before it being `others`.
+fn place_of_input(
+    command: &Command,
+    arguments: &[OsString],
+    job: &OsString,
+    others: &[OsString],
+) -> Option<usize> {
+    let mut places = (0..arguments.len()).rev().filter(|at| arguments[*at] == *job);
+    let last = places.next()?;
+    let leaves_others = |at: &usize| {
+        let rest = [&arguments[..*at], &arguments[at + 1..]].concat();
+        parsed(command, &rest).is_some_and(|parsed| inputs_of(&parsed) == others)
+    };
+    // The parser need be asked only where a flag may have the same value.
+    match places.next() {
+        None => Some(last),
+        Some(next) => [last, next].into_iter().chain(places).find(leaves_others),
+    }
+}
+
+/// The arguments that the job file at `path` stands for by the keys of `command`, less those that `given` replace.
+fn arguments_of_file(command: &Command, path: &Path, given: &[OsString]) -> Result<Vec<OsString>, Failure> {
+    if is_dash(path) {
+        // As much as a job file may hold.
+        let limit = 1 << 20;
+        let mut text = String::new();
+        let read = std::io::stdin().take(limit + 1).read_to_string(&mut text);
+        read.map_err(|error| {
+            Failure::new(Exit::InputOutput, format!("cannot read standard input: {error}"))
+        })?;
+        if text.len() as u64 > limit {
+            return Err(Failure::usage("standard input: is larger than 1 MiB, so hardly a job"));
+        }
+        return arguments_of_job(command, &text, Path::new(&name_of(path)), given);
+    }
+    arguments_of_job(command, &relight_formats::read_text(path)?, path, given)
 }
 
 /// The arguments that a job file stands for, less those that `given` replace.
-fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<OsString>, Failure> {
+fn arguments_of_job(
+    command: &Command,
+    text: &str,
+    path: &Path,
+    given: &[OsString],
+) -> Result<Vec<OsString>, Failure> {
     let bad = |what: String| Failure::usage(format!("{}: {what}", path.display()));
     let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(0, |span| text[..span.start].lines().count().max(1));
         bad(format!("line {line}: {}", error.message().replace('\n', " ")))
     })?;
-    let command = BakeArguments::augment_args(Command::new("bake"));
     let keys: Vec<(&Arg, &str)> = command.get_arguments().map(|arg| (arg, arg.get_id().as_str())).collect();
     let sized = given.iter().any(|argument| {
         let argument = argument.to_string_lossy();
@@ -69,7 +207,7 @@ fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<O
         }
         let flag = matches!(arg.get_action(), ArgAction::SetTrue)
             || arg.get_num_args().is_some_and(|range| range.min_values() == 0);
-        let mut text = match value {
+        let text = match value {
             // `mips = true` is --mips; `zstd = true` is --zstd at its own level.
             toml::Value::Boolean(wanted) if flag => {
                 if let (true, Some(long)) = (*wanted, arg.get_long()) {
@@ -87,14 +225,15 @@ fn arguments_of_job(text: &str, path: &Path, given: &[OsString]) -> Result<Vec<O
             }
         };
         let is_light_file = key == "holdout" && text.to_ascii_lowercase().ends_with(".lp");
-        if PATHS.contains(&key.as_str()) || is_light_file {
-            text = path.parent().unwrap_or(Path::new("")).join(text).to_string_lossy().into_owned();
-        }
-        match arg.get_long() {
-            // One argument, so that a value starting with a dash stays a value.
-            Some(long) => arguments.push(format!("--{long}={text}").into()),
-            None => arguments.push(text.into()),
-        }
+        let is_path = is_path(arg) || is_light_file;
+        let text = match is_path && !is_dash(Path::new(&text)) {
+            true => path.parent().unwrap_or(Path::new("")).join(text).into_os_string(),
+            false => text.into(),
+        };
+        // One argument, so that a value starting with a dash stays a value.
+        let mut argument = arg.get_long().map_or_else(OsString::new, |long| format!("--{long}=").into());
+        argument.push(text);
+        arguments.push(argument);
     }
     // The parser meets these once more among the user's own; here it tells whose mistake it is.
     let alone = command.clone().no_binary_name(true).mut_args(|arg| arg.required(false));
@@ -132,7 +271,8 @@ mod tests {
 
     fn expanded(text: &str, given: &[&str]) -> Result<Vec<String>, Failure> {
         let given: Vec<OsString> = given.iter().map(OsString::from).collect();
-        let arguments = arguments_of_job(text, Path::new("jobs/a.toml"), &given)?;
+        let command = BakeArguments::augment_args(Command::new("bake"));
+        let arguments = arguments_of_job(&command, text, Path::new("jobs/a.toml"), &given)?;
         Ok(arguments.into_iter().map(|a| a.into_string().unwrap()).collect())
     }
 

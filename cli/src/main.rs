@@ -6,38 +6,51 @@
 mod bake;
 mod budget;
 mod calibrate;
+mod completions;
 mod convert;
+mod depfile;
 mod evaluate;
+mod explain;
 mod failure;
 mod function_options;
 mod holdout;
 mod info;
 mod interrupt;
 mod job;
+mod key;
 mod light_options;
 mod lights;
+mod log;
+mod merge;
 mod near;
 mod normals;
 mod notes;
 mod options;
 mod page;
 mod photograph_options;
+mod plan;
 mod positions;
 #[cfg(feature = "gpu")]
 mod preview;
 mod progress;
 mod render;
+mod response_file;
 mod rig;
 mod say;
+mod several_jobs;
 mod shader;
+mod shard;
+mod standard_streams;
 mod sweep;
+mod thread_tokens;
 #[cfg(feature = "gpu")]
 mod verify;
 mod view;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use failure::{Exit, Failure};
+use job::Call;
 use std::process::ExitCode;
 
 #[derive(Parser)]
@@ -50,6 +63,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Fit pictures under known lights and write a relightable asset
+    #[command(after_help = BAKE_PLAN)]
     Bake(Box<bake::BakeArguments>),
     /// Bake a grid of choices and say what accuracy costs in bytes and time
     Sweep(Box<sweep::SweepArguments>),
@@ -79,23 +93,87 @@ enum Command {
     Preview(preview::PreviewArguments),
     /// Compute the position of every pixel from a depth map and its camera
     Positions(positions::PositionsArguments),
+    /// Print the key of what a bake will make: a hash of contents and choices
+    Key(Box<key::KeyArguments>),
+    /// List the files that a bake reads
+    Inputs(Box<key::InputsArguments>),
+    /// Say by what two assets, reports, jobs or keys differ
+    Explain(explain::ExplainArguments),
+    /// Spread a bake over processes: what each will do and take
+    Plan(Box<plan::PlanArguments>),
+    /// Fit one shard of a plan; also relight bake --plan
+    Shard(shard::ShardArguments),
+    /// Make the asset of a plan from what its shards fitted
+    Merge(merge::MergeArguments),
     /// Say what is in a file that relight reads or writes
     Info(info::InfoArguments),
+    /// Write a script that completes command lines, for a shell
+    Completions(completions::CompletionsArguments),
+    /// Write manual pages
+    Man(completions::ManArguments),
+}
+
+/// What the options of `bake` are not.
+const BAKE_PLAN: &str = "\
+One shard of a bake that is spread over processes:
+  relight bake --plan FILE.json --shard K/N|auto -o PARTS   (relight plan, shard and merge --help)";
+
+/// What the command line may say.
+fn parser() -> clap::Command {
+    Arguments::command().arg(log::argument())
 }
 
 fn main() -> ExitCode {
-    let arguments = match job::expand(std::env::args_os().collect()) {
+    // Before any file is opened.
+    thread_tokens::connect();
+    let mut arguments = std::env::args_os().collect();
+    // Response files may fail, and hold the option.
+    log::take_format(&mut arguments);
+    let mut arguments = match response_file::expand(arguments) {
         Ok(arguments) => arguments,
         Err(failure) => return failure.report(),
     };
-    let arguments = match Arguments::try_parse_from(arguments) {
-        Ok(arguments) => arguments,
-        Err(words) if words.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => words.exit(),
-        Err(error) if error.use_stderr() => return Failure::of_command_line(&error).report(),
-        Err(words) => words.exit(),
+    log::take_format(&mut arguments);
+    let mut calls = match job::expand(arguments) {
+        Ok(calls) => calls,
+        Err(failure) => return failure.report(),
     };
     interrupt::watch();
-    let result = std::panic::catch_unwind(|| match arguments.command {
+    // Building it takes as long as to check a small job.
+    let mut parser = parser();
+    let mut run = |call| run(&mut parser, call);
+    let ended = match calls.len() {
+        1 => run(calls.remove(0)).and_then(|()| say::finish()).map_err(|failure| failure.report()),
+        _ => several_jobs::run(calls, run).map_err(|exit| ExitCode::from(exit as u8)),
+    };
+    thread_tokens::release();
+    match ended {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(code) => code,
+    }
+}
+
+/// Runs the command that a call stands for.
+fn run(parser: &mut clap::Command, call: Call) -> Result<(), Failure> {
+    let parsed = parser.try_get_matches_from_mut(call.arguments?).and_then(|matches| {
+        let command = Arguments::from_arg_matches(&matches)?.command;
+        Ok((command, matches))
+    });
+    let (mut command, matches) = match parsed {
+        Ok(parsed) => parsed,
+        Err(words)
+            if words.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand && !log::is_json() =>
+        {
+            words.exit()
+        }
+        Err(error) if error.use_stderr() => return Err(Failure::of_command_line(&error)),
+        Err(words) => words.exit(),
+    };
+    standard_streams::check(parser, &matches)?;
+    if let (Command::Bake(arguments), Some(file)) = (&mut command, call.job_file) {
+        arguments.set_job_file(file);
+    }
+    let result = std::panic::catch_unwind(|| match command {
         Command::Bake(arguments) => bake::run(&arguments),
         Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
@@ -112,11 +190,15 @@ fn main() -> ExitCode {
         #[cfg(feature = "gpu")]
         Command::Preview(arguments) => preview::run(&arguments),
         Command::Positions(arguments) => positions::run(&arguments),
+        Command::Key(arguments) => key::run_key(&arguments),
+        Command::Inputs(arguments) => key::run_inputs(&arguments),
+        Command::Explain(arguments) => explain::run(&arguments),
+        Command::Plan(arguments) => plan::run(&arguments),
+        Command::Shard(arguments) => shard::run(&arguments),
+        Command::Merge(arguments) => merge::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
+        Command::Completions(arguments) => completions::run_completions(&arguments, self::parser()),
+        Command::Man(arguments) => completions::run_man(&arguments, self::parser()),
     });
-    match result.map(|result| result.and_then(|()| say::finish())) {
-        Ok(Ok(())) => ExitCode::SUCCESS,
-        Ok(Err(failure)) => failure.report(),
-        Err(_) => Failure::new(Exit::Bug, "a bug of ours; please report the lines above").report(),
-    }
+    result.unwrap_or_else(|_| Err(Failure::new(Exit::Bug, "a bug of ours; please report the lines above")))
 }

@@ -2,6 +2,7 @@
 
 use crate::calibrate::{fov_of, scale_of};
 use crate::failure::{Exit, Failure};
+use crate::options::optional;
 use clap::Args;
 use relight_core::relighter::Picture;
 use relight_core::{CpuLevel, Direction, PositionMap, RelightingMaps};
@@ -37,6 +38,20 @@ impl NearOptions {
     /// The files that are read.
     pub(crate) fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.near.iter()
+    }
+
+    /// All that these options say but for files, by name.
+    pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
+        vec![("scale", optional(self.scale)), ("vignetting", optional(self.vignetting))]
+    }
+
+    /// Where the lamps of `capture`'s pictures were; `None` without --near.
+    ///
+    /// # Errors
+    /// What is wrong with the file.
+    pub(crate) fn positions(&self, capture: &OpenCapture) -> Result<Option<Vec<[f64; 3]>>, Failure> {
+        let Some(path) = &self.near else { return Ok(None) };
+        Ok(Some(read_light_file(path)?.positions_of(capture)?))
     }
 
     /// Whether lamps are near.

@@ -4,7 +4,7 @@ use crate::bake;
 use crate::failure::{Exit, Failure};
 use crate::options::{MachineOptions, check_apart, check_writable};
 use crate::photograph_options::PhotographOptions;
-use crate::say::say;
+use crate::say::{self, say};
 use crate::{interrupt, notes, progress};
 use clap::{Args, ValueEnum};
 use relight_core::Space;
@@ -274,7 +274,7 @@ impl NormalsArguments {
                 "heights": height,
                 "truth": truth,
             });
-            say!("{figures:#}");
+            say::json(&figures);
             return Ok(());
         }
         let output = self.output.display();

@@ -2,7 +2,5 @@
 
 /// Prints notes on standard error, one a line.
 pub(crate) fn print(notes: &[String]) {
-    for note in notes {
-        eprintln!("relight: note: {note}");
-    }
+    notes.iter().for_each(|note| crate::log::note(note));
 }

@@ -1,6 +1,8 @@
 //! Options that several subcommands share.
 
 use crate::failure::{Exit, Failure};
+use crate::say::is_dash;
+use crate::thread_tokens;
 use clap::{Args, ValueEnum};
 use relight_core::{CpuLevel, Wrap};
 use relight_formats::{OutputFile, place_of};
@@ -10,6 +12,9 @@ use std::str::FromStr;
 
 /// Fails when no file can stand at `path`, so that a slip shows before the work and not after it.
 pub(crate) fn check_writable(path: &Path) -> Result<(), Failure> {
+    if is_dash(path) {
+        return Ok(());
+    }
     OutputFile::create(path).map(drop).map_err(Failure::of_output)
 }
 
@@ -19,7 +24,7 @@ pub(crate) fn check_apart<'a>(
     inputs: impl IntoIterator<Item = &'a PathBuf>,
 ) -> Result<(), Failure> {
     let mut taken: HashSet<PathBuf> = inputs.into_iter().filter_map(|path| place_of(path)).collect();
-    for output in outputs {
+    for output in outputs.into_iter().filter(|output| !is_dash(output)) {
         if place_of(output).is_some_and(|place| !taken.insert(place)) {
             let message = format!(
                 "{} is another file of this command too; give the output a name of its own",
@@ -29,6 +34,16 @@ pub(crate) fn check_apart<'a>(
         }
     }
     Ok(())
+}
+
+/// The name of a choice on the command line.
+pub(crate) fn words_of(choice: impl ValueEnum) -> String {
+    choice.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
+}
+
+/// A value, or `none`.
+pub(crate) fn optional(value: Option<impl ToString>) -> String {
+    value.map_or("none".to_owned(), |value| value.to_string())
 }
 
 /// What lies beyond the edge of textures.
@@ -56,7 +71,7 @@ pub(crate) struct MachineOptions {
     /// Memory to stay within, such as 800M or 2G; half of the machine's by default
     #[arg(long, value_name = "SIZE")]
     memory: Option<MemorySize>,
-    /// Threads; all cores by default. Results do not depend on it
+    /// Threads; by default all cores, or what the jobserver of GNU make leaves. Results do not depend on it
     #[arg(short = 'j', long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
     /// Instruction set: auto, baseline, avx2 or avx512. Results do not depend on it
@@ -76,6 +91,13 @@ pub(crate) struct Machine {
 }
 
 impl MachineOptions {
+    /// These options as words of a command line.
+    pub(crate) fn words(&self) -> Vec<String> {
+        let memory = self.memory.map(|size| format!("--memory={}", size.0));
+        let jobs = self.jobs.map(|jobs| format!("--jobs={jobs}"));
+        memory.into_iter().chain(jobs).chain([format!("--cpu={}", self.cpu)]).collect()
+    }
+
     /// Reads the options and sets the number of threads for all that follows.
     pub(crate) fn machine(&self) -> Result<Machine, Failure> {
         let level = CpuLevel::from_str(&self.cpu).map_err(|error| match error.is_level {
@@ -84,10 +106,11 @@ impl MachineOptions {
         })?;
         let threads = match self.jobs {
             Some(jobs) => usize::from(jobs),
-            None => std::thread::available_parallelism().map_or(1, usize::from),
+            None => thread_tokens::threads(std::thread::available_parallelism().map_or(1, usize::from)),
         };
-        // Fails only when a pool exists already, as in a second call of this program's parts.
+        // Of several jobs, the first one's pool serves all.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        let threads = rayon::current_num_threads();
         let memory = self.memory.map_or_else(|| relight_formats::machine_memory() / 2, |size| size.0);
         Ok(Machine { memory, threads, level })
     }

@@ -2,7 +2,7 @@
 
 use crate::bake::load;
 use crate::failure::Failure;
-use crate::options::Machine;
+use crate::options::{Machine, optional, words_of};
 use clap::{Args, ValueEnum};
 use relight_core::{LUMINANCE, Space, Stack};
 use relight_fit::{ExposureTrial, FitError, Sample, exposure_factors, exposure_trial};
@@ -83,6 +83,42 @@ impl PhotographOptions {
         Self { intensities: None, ..self.clone() }
     }
 
+    /// All that these options say but for files, by name.
+    pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
+        let white_balance = match self.white_balance {
+            None => "none".to_owned(),
+            Some(WhiteBalance::Card([r, g, b])) => format!("{r},{g},{b}"),
+            Some(WhiteBalance::Patch { x, y, radius }) => format!("auto:{x},{y},{radius}"),
+        };
+        let exposure = self.exposure.unwrap_or(Exposure::Stored);
+        vec![
+            ("crop", optional(self.crop)),
+            ("exposure", words_of(exposure)),
+            ("white_balance", white_balance),
+        ]
+    }
+
+    /// How bright the lamps of `capture`'s pictures were, where a file says so.
+    ///
+    /// # Errors
+    /// What is wrong with that.
+    pub(crate) fn intensities(&self, capture: &OpenCapture) -> Result<Option<Vec<[f64; 3]>>, Failure> {
+        let Some(path) = &self.intensities else { return Ok(None) };
+        Ok(Some(read_intensity_file(path)?.factors_of(capture)?))
+    }
+
+    /// Whether something is found out from all pictures, those that are left out too.
+    pub(crate) fn look_at_judges(&self) -> bool {
+        self.exposure == Some(Exposure::Auto)
+            || matches!(self.white_balance, Some(WhiteBalance::Patch { .. }))
+    }
+
+    /// These options less what is found out from the pictures themselves.
+    pub(crate) fn without_estimates(&self) -> Self {
+        let told = |balance: &WhiteBalance| matches!(balance, WhiteBalance::Card(_));
+        Self { exposure: None, white_balance: self.white_balance.filter(told), ..self.clone() }
+    }
+
     /// The part that is used.
     pub(crate) fn crop(&self) -> Option<Crop> {
         self.crop
@@ -103,8 +139,8 @@ impl PhotographOptions {
             check_within(&format!("--crop {crop}"), crop, size)?;
             capture.crop = Some(crop);
         }
-        let factors = match (&self.intensities, self.exposure) {
-            (Some(path), _) => Some(read_intensity_file(path)?.factors_of(capture)?),
+        let factors = match (self.intensities(capture)?, self.exposure) {
+            (Some(factors), _) => Some(factors),
             (None, Some(Exposure::Auto)) => estimated(capture, machine, spill_folder)?,
             (None, _) => None,
         };

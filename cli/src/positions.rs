@@ -1,7 +1,7 @@
 //! `relight positions`: a depth map and its camera in, a position map out. `bake` takes the same options.
 
 use crate::failure::Failure;
-use crate::options::{MachineOptions, check_apart, check_writable};
+use crate::options::{MachineOptions, check_apart, check_writable, optional, words_of};
 use crate::say::say;
 use crate::{interrupt, notes};
 use clap::{ArgGroup, Args, ValueEnum};
@@ -64,6 +64,15 @@ fn scale_of(text: &str) -> Result<f64, String> {
 const DEPTHS_AT_ONCE: u64 = 7;
 
 impl DepthOptions {
+    /// All that these options say but for files, by name.
+    pub(crate) fn named(&self) -> Vec<(&'static str, String)> {
+        vec![
+            ("depth_kind", words_of(self.depth_kind.unwrap_or(KindChoice::Ray))),
+            ("depth_channel", optional(self.depth_channel.as_ref())),
+            ("depth_scale", self.depth_scale.unwrap_or(1.0).to_string()),
+        ]
+    }
+
     /// The files that are read.
     pub(crate) fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.depth.iter().chain(&self.camera)

@@ -4,16 +4,20 @@ mod explain;
 mod jobs;
 mod sheet;
 
+use crate::depfile::BuildOptions;
 use crate::failure::{Exit, Failure};
 use crate::light_options::{light_of_angles, light_of_vector};
 use crate::options::{Machine, MachineOptions, check_apart, check_writable};
+use crate::say::{is_dash, write_product};
 use crate::{interrupt, progress};
 use clap::{Args, ValueEnum};
 use jobs::Job;
+pub(crate) use jobs::frame_paths;
 use relight_core::relighter::{DirectionalLight, Picture, relight};
 use relight_core::{PositionMap, RelightingMaps, Space};
 use relight_formats::{
-    PictureDepth, picture_depths, read_asset, read_position_file, read_positions, read_scene, write_picture,
+    PictureDepth, picture_bytes, picture_depths, read_asset, read_position_file, read_positions, read_scene,
+    summarize_asset, write_picture,
 };
 use relight_lights::{Accuracy, Lamp, Plan, Report, Scene, Settings, relight_scene};
 use std::path::{Path, PathBuf};
@@ -29,7 +33,7 @@ const EDGE: usize = 2;
 pub(crate) struct RenderArguments {
     /// The asset: .ktx2, .dds, .exr, .ptm, .rti or a .web folder
     asset: PathBuf,
-    /// The picture to write (.png or .exr), or with --lights and for a sequence the folder
+    /// The picture to write (.png or .exr, or - for standard output), or with --lights and for a sequence the folder
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// A directional light: the vector towards it (x right, y up, z to the camera), then if
@@ -65,6 +69,8 @@ pub(crate) struct RenderArguments {
     /// Bits of a sample: 8 (default) or 16 in .png, half (default) or float in .exr
     #[arg(long, value_name = "DEPTH", value_enum)]
     depth: Option<Depth>,
+    #[command(flatten)]
+    build: BuildOptions,
     #[command(flatten)]
     machine: MachineOptions,
 }
@@ -121,6 +127,11 @@ pub(crate) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
     let machine = arguments.machine.machine()?;
     let jobs = jobs::jobs(arguments, &machine)?;
     let depth = depth_for(&jobs.list[0].path, arguments.depth)?;
+    if jobs.folder.as_deref().is_some_and(is_dash) {
+        return Err(Failure::usage(
+            "--output - : standard output holds one picture; name a folder for several",
+        ));
+    }
     if let Some(sheet) = &arguments.sheet {
         if jobs.folder.is_none() {
             return Err(Failure::usage(
@@ -131,8 +142,17 @@ pub(crate) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
             return Err(Failure::usage(format!("{}: a sheet is a .png", sheet.display())));
         }
     }
-    let outputs = jobs.list.iter().map(|job| &job.path).chain(&arguments.sheet);
-    check_apart(outputs, jobs.inputs.iter().chain([&arguments.asset]).chain(&arguments.positions))?;
+    // A part that is missing may not be needed; what is wrong with the asset is found out when it is read.
+    let asset_files =
+        summarize_asset(&arguments.asset).map_or(vec![arguments.asset.clone()], |asset| asset.files);
+    let inputs = || asset_files.iter().chain(&jobs.inputs).chain(&arguments.positions);
+    let outputs = || jobs.list.iter().map(|job| &job.path).chain(&arguments.sheet);
+    check_apart(outputs(), inputs().chain([&arguments.asset]))?;
+    let depfile = arguments.build.depfile(&arguments.output, inputs())?;
+    if arguments.build.is_dry_run() {
+        arguments.build.say_files(inputs(), outputs());
+        return Ok(());
+    }
     let start = Instant::now();
     let maps = read_asset(&arguments.asset, machine.memory)?;
     let mut loaded =
@@ -149,7 +169,7 @@ pub(crate) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
     for job in &jobs.list {
         interrupt::check()?;
         let drawn = draw(arguments, job, &mut loaded, depth, &machine)?;
-        write_picture(&job.path, &drawn.picture, depth)?;
+        write_product(&job.path, &picture_bytes(&job.path, &drawn.picture, depth)?)?;
         if arguments.sheet.is_some() {
             thumbnails.push(sheet::thumbnail(&drawn.picture, depth.is_linear()));
         }
@@ -164,11 +184,14 @@ pub(crate) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         write_picture(path, &sheet::sheet(&thumbnails), PictureDepth::U8)?;
     }
     explain::print(&explained, arguments.json);
-    Ok(())
+    depfile.map_or(Ok(()), |depfile| depfile.write())
 }
 
 /// The depth that was asked for, checked against the file's extension.
 fn depth_for(path: &Path, asked: Option<Depth>) -> Result<PictureDepth, Failure> {
+    if is_dash(path) {
+        return Ok(asked.map_or(PictureDepth::U8, Depth::of_picture));
+    }
     let held = picture_depths(path).map_err(Failure::of_output)?;
     match asked.map(Depth::of_picture) {
         None => Ok(held[0]),

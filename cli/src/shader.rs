@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::options::check_apart;
-use crate::say::say;
+use crate::say;
 use clap::{Args, ValueEnum};
 use relight_core::Basis;
 use relight_formats::{is_rig, machine_memory, read_rig, summarize_asset, write_function_table, write_whole};
@@ -19,7 +19,7 @@ pub(crate) struct ShaderArguments {
     /// Shading language: wgsl, glsl or hlsl
     #[arg(long, value_name = "LANGUAGE", default_value = "wgsl", value_parser = language_of)]
     lang: Language,
-    /// The file to write; standard output by default
+    /// The file to write; standard output by default, or -
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Also write the table of an asset's learned functions, as a .ktx2 or .dds array texture
@@ -55,9 +55,9 @@ pub(crate) fn run(arguments: &ShaderArguments) -> Result<(), Failure> {
     let of_rig = is_rig(&arguments.asset);
     let text = if of_rig { text_of_rig(arguments)? } else { text_of_asset(arguments)? };
     match &arguments.output {
-        Some(path) => Ok(write_whole(path, text.as_bytes())?),
-        None => {
-            say!("{}", text.trim_end());
+        Some(path) if !say::is_dash(path) => Ok(write_whole(path, text.as_bytes())?),
+        _ => {
+            say::product(format!("{}\n", text.trim_end()).as_bytes());
             Ok(())
         }
     }

@@ -116,7 +116,7 @@ pub(crate) fn run(arguments: &VerifyArguments) -> Result<(), Failure> {
     let gpu = open(arguments)?;
     let verification = verify(arguments, &gpu, &packed, &reference, &lights, &machine)?;
     if arguments.json {
-        crate::say::say!("{:#}", verification.to_json());
+        crate::say::json(&verification.to_json());
     } else {
         verification.print();
     }

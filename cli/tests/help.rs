@@ -21,6 +21,8 @@ const SUBCOMMANDS: &[&str] = &[
     "shader",
     "positions",
     "info",
+    "completions",
+    "man",
     #[cfg(feature = "gpu")]
     "verify",
     #[cfg(feature = "gpu")]
@@ -59,6 +61,9 @@ fn every_subcommand_explains_its_options() {
         ("normals", &["<SET>", "--albedo", "--height", "--method", "--flip-y", "--truth", "--json"]),
         ("positions", &["--depth <FILE>", "--camera <FILE>", "--depth-kind", "--depth-channel", "--output"]),
         ("info", &["<FILE>", "--json"]),
+        ("bake", &["--depfile <FILE>", "--depfile-format", "--dry-run", "--log-format <FORMAT>"]),
+        ("completions", &["<SHELL>", "bash", "fish", "zsh"]),
+        ("man", &["--output <FOLDER>"]),
         ("shader", &["<ASSET>", "--lang", "--output", "--maps-per-pass"]),
         #[cfg(feature = "gpu")]
         ("verify", &["<ASSET>", "--lights", "--tolerance", "--against", "--require-gpu"]),

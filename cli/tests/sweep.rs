@@ -84,11 +84,12 @@ fn fronts_hold_what_no_other_choice_beats_and_bake_takes_the_same() {
         };
         let mean = lights.iter().map(psnr).sum::<f64>() / lights.len() as f64;
         assert!((mean - number(choice, "psnr")).abs() < 1e-6, "{name}: {mean}");
-        assert_eq!(
-            number(choice, "file_bytes"),
-            fs::metadata(here.join("a.ktx2")).unwrap().len() as f64,
-            "{name}"
-        );
+        // The file of a bake also says what it was made of; alignment may take some bytes more.
+        let made_of = relight_formats::read_asset(&here.join("a.ktx2"), 1 << 30).unwrap().model.provenance;
+        let said = serde_json::to_string(&made_of).unwrap().len() as f64;
+        let bytes = fs::metadata(here.join("a.ktx2")).unwrap().len() as f64;
+        let more = bytes - said - number(choice, "file_bytes");
+        assert!((0.0..64.0).contains(&more), "{name}: {more}");
     }
 }
 
@@ -212,9 +213,7 @@ fn left_out_pictures_judge_as_evaluate_does() {
     assert_eq!(choice["psnr"], alone["holdout"]["mean"]["psnr"]);
     assert_eq!(choice["rmse"], alone["holdout"]["mean"]["rmse"]);
     assert_eq!(report["judges"], 12);
-    assert!(
-        fs::read(here.join("a.ktx2")).unwrap() == fs::read(here.join("out/assets/pca-9-bc7.ktx2")).unwrap()
-    );
+    assert!(scene::maps_of(&here.join("a.ktx2")) == scene::maps_of(&here.join("out/assets/pca-9-bc7.ktx2")));
 }
 
 #[test]

@@ -39,6 +39,7 @@ mod web_tiles;
 mod zstandard;
 
 pub use function_table::write_function_table;
+pub(crate) use planar::coefficients;
 pub use planes::plane_names;
 pub use positions::AssetPositions;
 pub(crate) use recognize::is_asset;

@@ -1,6 +1,7 @@
 //! A capture opened for work: its lights matched to pictures whose headers were read and agree.
 
 use crate::FormatError;
+use crate::content::content_hash;
 use crate::crop::Crop;
 use crate::gain::Gain;
 use crate::light_file::{Capture, light_file_in, match_pictures, read_light_file};
@@ -8,6 +9,7 @@ use crate::picture::{PictureInfo, decode, probe};
 use rayon::prelude::*;
 use relight_core::relighter::Picture;
 use relight_core::{CpuLevel, Space};
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -23,6 +25,8 @@ pub struct OpenCapture {
     /// What the linear light of each picture's channels is multiplied by when values are taken from it, in the same order,
     /// finite and above 0 (the first alone counts for grey ones); empty where pictures are used as stored.
     pub gains: Vec<[f32; 3]>,
+    /// The place of each picture in the light file, from 0: other orders keep it.
+    pub listed: Vec<usize>,
 }
 
 /// Opens the `.lp` file `input`, or the one in folder `input`.
@@ -36,7 +40,8 @@ pub fn open_capture(input: &Path) -> Result<OpenCapture, FormatError> {
     let infos = capture.pictures.par_iter().map(|path| probe(path)).collect::<Result<Vec<_>, _>>()?;
     let notes = check_headers(&capture, &infos)?;
     capture.notes.extend(notes);
-    Ok(OpenCapture { capture, infos, crop: None, gains: Vec::new() })
+    let listed = (0..infos.len()).collect();
+    Ok(OpenCapture { capture, infos, crop: None, gains: Vec::new(), listed })
 }
 
 impl OpenCapture {
@@ -44,6 +49,13 @@ impl OpenCapture {
     pub fn size(&self) -> (usize, usize) {
         let whole = self.infos.first().map_or((0, 0), |info| (info.width, info.height));
         self.crop.map_or(whole, |crop| (crop.width, crop.height))
+    }
+
+    /// Indices of the pictures in the order of the light file.
+    pub fn as_listed(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.listed.len()).collect();
+        order.sort_by_key(|&i| self.listed[i]);
+        order
     }
 
     /// Channels of the pictures once they are alike: 1 or 3.
@@ -135,7 +147,34 @@ impl OpenCapture {
             } else {
                 indices.iter().map(|&i| self.gains[i]).collect()
             },
+            listed: indices.iter().map(|&i| self.listed[i]).collect(),
         }
+    }
+
+    /// The same capture in the order of its lights' directions, of pictures under one light in that of their contents: what is
+    /// computed of it does not depend on the order of the light file.
+    ///
+    /// # Errors
+    /// [`FormatError::Io`] for a picture under the light of another that can't be read.
+    pub fn by_direction(&self) -> Result<Self, FormatError> {
+        let direction = |i: usize| self.capture.lights.lights[i].direction.components();
+        let compare = |a: usize, b: usize| {
+            let pairs = direction(a).into_iter().zip(direction(b));
+            pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+        };
+        let mut order: Vec<usize> = (0..self.infos.len()).collect();
+        order.sort_by(|&a, &b| compare(a, b));
+        for alike in order.chunk_by_mut(|&a, &b| compare(a, b).is_eq()).filter(|alike| alike.len() > 1) {
+            let mut keyed = alike
+                .iter()
+                .map(|&i| Ok((content_hash(&self.capture.pictures[i])?, i)))
+                .collect::<Result<Vec<_>, FormatError>>()?;
+            keyed.sort_unstable();
+            alike.iter_mut().zip(keyed).for_each(|(place, (_, i))| *place = i);
+        }
+        let mut sorted = self.select(&order);
+        sorted.capture.notes.clone_from(&self.capture.notes);
+        Ok(sorted)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The only code that knows the bytes of files: pictures and light files in, assets out and in.
 
 pub mod asset;
+mod cache;
 mod camera_file;
 mod capture_folder;
 mod content;
@@ -24,14 +25,18 @@ mod rig_file;
 mod samples;
 mod scene_file;
 mod stack;
+mod temporary;
 
 pub use asset::{
     AssetFormat, AssetHeader, AssetPlan, AssetPositions, AssetWriter, Parts, WriteSettings, describe_asset,
     plane_names, read_asset, read_packed, read_positions, summarize_asset, write_function_table,
 };
+pub use cache::{Cache, FitFolder, Made, MadeFile, Odd, TileGrid, TileStack, TileWriter, Tiles};
 pub use camera_file::read_camera_file;
 pub use capture_folder::{OpenCapture, open_capture};
-pub use content::{bytes_on_disk, content_key, remove_file};
+pub use content::{
+    Stamps, bytes_on_disk, content_hash, content_key, hexadecimal, record_key, remove_file, tree_hash,
+};
 pub use crop::Crop;
 pub use depth_file::read_depth_file;
 pub use describe::describe;
@@ -46,8 +51,8 @@ pub use normal_file::{NormalPicture, read_normal_file, write_normal_file};
 pub use output_file::{OutputFile, write_whole};
 pub use output_folder::ScratchFolder;
 pub use picture::{DecodedPicture, PictureInfo, SampleType, Samples, decode, probe};
-pub use picture_output::{PagePicture, PictureDepth, picture_depths, write_picture};
+pub use picture_output::{PagePicture, PictureDepth, picture_bytes, picture_depths, write_picture};
 pub use position_file::{read_position_file, write_position_file};
 pub use rig_file::{MeshKey, RigFile, is_rig, read_rig, write_rig};
 pub use scene_file::{RigScene, SceneFile, linear_picture, read_scene};
-pub use stack::{PictureStack, StackSettings};
+pub use stack::{DECODER_SHARE, PictureStack, RESERVE, StackSettings};

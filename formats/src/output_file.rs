@@ -1,21 +1,22 @@
 //! Files that appear whole or not at all: written under a hidden name beside the target, then
-//! renamed over it.
+//! renamed over it, unless the same bytes stand there already.
 
 use crate::FormatError;
-use crate::positioned::write_all_at;
-use std::ffi::{OsStr, OsString};
+use crate::positioned::{read_exact_at, write_all_at};
+use crate::temporary::{hidden_file, remove_strays};
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// Names longer than this are left out of the temporary's own: systems end at 255 bytes.
-const LONGEST_NAME: usize = 200;
+/// Bytes of two files that are compared at once.
+const COMPARED: usize = 1 << 18;
 
 /// A file on its way to `path`.
 ///
 /// Bytes go to `.name.relight-XXXXXX.tmp` in the same folder; [`Self::finish`] renames that over
 /// the target. Dropping it without `finish` removes the temporary and leaves the target as it was.
+/// Temporaries that killed runs left of the same target are removed when it is created.
 #[derive(Debug)]
 pub struct OutputFile {
     path: PathBuf,
@@ -45,9 +46,10 @@ impl OutputFile {
             return Err(FormatError::invalid(path, format!("is {kind}; name a file to write")));
         }
         let folder = folder_around(path, &target)?;
+        remove_strays(name, folder);
         // The crate's error names the temporary, which would puzzle: keep the kind alone.
-        let temporary = hidden(name, 0o666, |builder| builder.tempfile_in(folder))
-            .map_err(|e| FormatError::io(path, "create", e.kind().into()))?;
+        let temporary =
+            hidden_file(name, folder).map_err(|e| FormatError::io(path, "create", e.kind().into()))?;
         Ok(Self { path: path.to_owned(), target, temporary })
     }
 
@@ -85,12 +87,16 @@ impl OutputFile {
     }
 
     /// Puts the file in its place, with the permissions of the file that stood there or else those
-    /// of any new file.
+    /// of any new file. A file of the same bytes stays as it is, with its time: what was made of it need
+    /// not be made again.
     ///
     /// # Errors
     /// [`FormatError::Io`] when it can't be renamed; the temporary is removed and what stood at
     /// the target still stands.
     pub fn finish(self) -> Result<(), FormatError> {
+        if holds_same(self.file(), &self.target) {
+            return Ok(());
+        }
         #[cfg(unix)]
         if let Ok(metadata) = fs::metadata(&self.target) {
             self.file().set_permissions(metadata.permissions()).map_err(|e| self.write_error(e))?;
@@ -121,25 +127,29 @@ pub(crate) fn folder_around<'a>(path: &Path, target: &'a Path) -> Result<&'a Pat
     Err(FormatError::io(path, "create", io::Error::new(io::ErrorKind::NotFound, words)))
 }
 
-/// Makes the temporary `.name.relight-XXXXXX.tmp`, with the permissions `mode` that the system gives what is new: it
-/// takes the umask off these.
-pub(crate) fn hidden<T>(
-    name: &OsStr,
-    mode: u32,
-    make: impl FnOnce(&tempfile::Builder<'_, '_>) -> io::Result<T>,
-) -> io::Result<T> {
-    let mut prefix = OsString::from(".");
-    if name.len() <= LONGEST_NAME {
-        prefix.push(name);
-    }
-    prefix.push(".relight-");
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(".tmp");
-    // Elsewhere there is no such mode.
-    let _ = mode;
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
-    make(&builder)
+/// Whether the regular file at `path` has the bytes of `new`; one that can't be read has not.
+pub(crate) fn holds_same(new: &File, path: &Path) -> bool {
+    let same = || -> io::Result<bool> {
+        let length = new.metadata()?.len();
+        let about = fs::metadata(path)?;
+        if !about.is_file() || about.len() != length {
+            return Ok(false);
+        }
+        let old = File::open(path)?;
+        let (mut a, mut b) = (vec![0; COMPARED], vec![0; COMPARED]);
+        let mut at = 0;
+        while at < length {
+            let count = COMPARED.min(usize::try_from(length - at).unwrap_or(COMPARED));
+            read_exact_at(new, at, &mut a[..count])?;
+            read_exact_at(&old, at, &mut b[..count])?;
+            if a[..count] != b[..count] {
+                return Ok(false);
+            }
+            at += count as u64;
+        }
+        Ok(true)
+    };
+    same().unwrap_or(false)
 }
 
 /// Puts all files in their places, in order. When one can't be, those before it that replaced
@@ -177,15 +187,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn names_in(folder: &Path) -> Vec<String> {
-        let mut names: Vec<_> = fs::read_dir(folder)
-            .unwrap()
-            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .collect();
-        names.sort();
-        names
-    }
+    use crate::temporary::tests::names_in;
 
     #[test]
     fn a_dropped_file_leaves_nothing_behind_and_harms_nothing() {
@@ -231,6 +233,57 @@ mod tests {
         fs::set_permissions(&ours, fs::Permissions::from_mode(0o751)).unwrap();
         write_whole(&ours, b"2").unwrap();
         assert_eq!((mode(&ours), fs::read(&ours).unwrap()), (0o751, b"2".to_vec()));
+    }
+
+    /// Sets the time of a file to the year 2001.
+    fn age(path: &Path) -> std::time::SystemTime {
+        let time = std::time::UNIX_EPOCH + std::time::Duration::from_secs(1_000_000_000);
+        File::options().write(true).open(path).unwrap().set_modified(time).unwrap();
+        time
+    }
+
+    #[test]
+    fn the_same_bytes_keep_the_time_and_any_other_replace_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let long = vec![7u8; 2 * COMPARED + 5];
+        let mut last_differs = long.clone();
+        last_differs[2 * COMPARED + 4] = 8;
+        let mut first_differs = long.clone();
+        first_differs[0] = 8;
+        let shorter = &long[..2 * COMPARED];
+        for (old, new) in [
+            (&long[..], &long[..]),
+            (&long, &last_differs),
+            (&long, &first_differs),
+            (&long, shorter),
+            (shorter, &long),
+            (b"", b""),
+            (b"", b"a"),
+        ] {
+            fs::write(&path, old).unwrap();
+            let time = age(&path);
+            write_whole(&path, new).unwrap();
+            assert!(fs::read(&path).unwrap() == new);
+            assert_eq!(fs::metadata(&path).unwrap().modified().unwrap() == time, old == new);
+            assert_eq!(names_in(folder.path()), ["a"]);
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn the_same_bytes_leave_links_and_modes_alone() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link) = (folder.path().join("real"), folder.path().join("link"));
+        fs::write(&real, "same").unwrap();
+        fs::set_permissions(&real, fs::Permissions::from_mode(0o640)).unwrap();
+        std::os::unix::fs::symlink(&real, &link).unwrap();
+        let time = age(&real);
+        write_whole(&link, b"same").unwrap();
+        let about = fs::metadata(&real).unwrap();
+        assert_eq!((about.permissions().mode() & 0o777, about.modified().unwrap()), (0o640, time));
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
     }
 
     #[cfg(unix)]

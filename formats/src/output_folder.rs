@@ -1,16 +1,16 @@
-//! Folders that appear whole or not at all: written under a hidden name beside the target, then renamed.
+//! Folders that appear whole or not at all: written under a hidden name beside the target, then renamed, unless the
+//! same files stand there already.
 
 use crate::FormatError;
-use crate::output_file::{folder_around, hidden};
-use std::ffi::OsStr;
+use crate::output_file::{folder_around, holds_same};
+use crate::temporary::{HiddenFolder, REPLACED, remove_strays};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 
 /// A folder for what is only needed for a while, hidden beside an output; gone when it is dropped.
 #[derive(Debug)]
-pub struct ScratchFolder(TempDir);
+pub struct ScratchFolder(HiddenFolder);
 
 impl ScratchFolder {
     /// Makes it in the folder in which `output` is to stand.
@@ -20,7 +20,8 @@ impl ScratchFolder {
     pub fn beside(output: &Path) -> Result<Self, FormatError> {
         let around = folder_around(output, output)?;
         let name = output.file_name().unwrap_or_default();
-        let folder = hidden_folder(name, around);
+        remove_strays(name, around);
+        let folder = HiddenFolder::create(name, around);
         Ok(Self(folder.map_err(|e| FormatError::io(output, "create", e.kind().into()))?))
     }
 
@@ -39,7 +40,7 @@ pub(crate) struct OutputFolder {
     path: PathBuf,
     /// Where a symbolic link at `path` leads, otherwise `path` itself.
     target: PathBuf,
-    temporary: TempDir,
+    temporary: HiddenFolder,
 }
 
 impl OutputFolder {
@@ -59,10 +60,12 @@ impl OutputFolder {
         let Some(name) = target.file_name() else {
             return Err(FormatError::invalid(path, "is not the name of a folder; name one to write"));
         };
-        check_replaceable(path, &target, marks, is_own)?;
+        // First, for one that was moved aside may come back.
         let around = folder_around(path, &target)?;
-        let temporary =
-            hidden_folder(name, around).map_err(|e| FormatError::io(path, "create", e.kind().into()))?;
+        remove_strays(name, around);
+        check_replaceable(path, &target, marks, is_own)?;
+        let temporary = HiddenFolder::create(name, around)
+            .map_err(|e| FormatError::io(path, "create", e.kind().into()))?;
         Ok(Self { path: path.to_owned(), target, temporary })
     }
 
@@ -89,18 +92,23 @@ impl OutputFolder {
         fs::create_dir_all(folder).and_then(|()| fs::write(&path, bytes)).map_err(|e| self.write_error(e))
     }
 
-    /// Puts the folder in its place. What stood there is moved aside before and removed afterwards.
+    /// Puts the folder in its place. What stood there is moved aside before and removed afterwards; where that has
+    /// the same files, it stays as it is, with its times.
     ///
     /// # Errors
     /// [`FormatError::Io`] when it can't be renamed; what stood at the target stands there again.
     pub(crate) fn finish(self) -> Result<(), FormatError> {
         let new = self.temporary.path();
+        if holds_same_files(new, &self.target) {
+            return Ok(());
+        }
         if !self.target.exists() {
             fs::rename(new, &self.target).map_err(|e| self.write_error(e))?;
         } else {
             let (around, name) = (new.parent().unwrap_or(Path::new(".")), self.target.file_name());
-            let aside = hidden_folder(name.unwrap_or_default(), around).map_err(|e| self.write_error(e))?;
-            let old = aside.path().join("old");
+            let aside =
+                HiddenFolder::create(name.unwrap_or_default(), around).map_err(|e| self.write_error(e))?;
+            let old = aside.path().join(REPLACED);
             fs::rename(&self.target, &old).map_err(|e| self.write_error(e))?;
             if let Err(error) = fs::rename(new, &self.target) {
                 // The error that matters is the one above.
@@ -109,7 +117,7 @@ impl OutputFolder {
             }
         }
         // Its name is another one now: there is nothing to remove.
-        let _ = self.temporary.keep();
+        self.temporary.keep();
         Ok(())
     }
 
@@ -118,9 +126,14 @@ impl OutputFolder {
     }
 }
 
-/// A new folder of a hidden name, gone when it is dropped.
-fn hidden_folder(name: &OsStr, around: &Path) -> io::Result<TempDir> {
-    hidden(name, 0o777, |builder| builder.tempdir_in(around))
+/// Whether `old` has the files of `new` and nothing else.
+fn holds_same_files(new: &Path, old: &Path) -> bool {
+    let (Ok(names), Ok(others)) = (names_below(new, "", 0), names_below(old, "", 0)) else { return false };
+    let is_same = |name: &String| {
+        !name.ends_with('/')
+            && fs::File::open(new.join(name)).is_ok_and(|file| holds_same(&file, &old.join(name)))
+    };
+    names == others && names.iter().all(is_same)
 }
 
 /// Folders in folders that are looked into.
@@ -178,18 +191,12 @@ fn check_replaceable(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::temporary::tests::names_in;
 
     const MARKS: [&[&str]; 2] = [&["a"], &["b", "B"]];
 
     fn create(path: &Path) -> Result<OutputFolder, FormatError> {
         OutputFolder::create(path, &MARKS, |name| name.len() == 1)
-    }
-
-    fn names_in(folder: &Path) -> Vec<String> {
-        let names = fs::read_dir(folder).unwrap();
-        let mut names: Vec<_> = names.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
     }
 
     #[test]
@@ -213,6 +220,39 @@ mod tests {
             (vec!["a".to_owned()], b"4".to_vec())
         );
         assert_eq!(names_in(around.path()), ["x"]);
+    }
+
+    #[test]
+    fn the_same_files_stay_with_their_times_and_any_other_replace_all() {
+        let around = tempfile::tempdir().unwrap();
+        let path = around.path().join("x");
+        let write = |files: &[(&str, &str)]| {
+            let folder = OutputFolder::create(&path, &[], |_| true).unwrap();
+            files.iter().for_each(|(name, text)| {
+                folder.write_below(Path::new(name), text.as_bytes()).unwrap();
+            });
+            folder.finish().unwrap();
+        };
+        let old = std::time::UNIX_EPOCH + std::time::Duration::from_secs(1_000_000_000);
+        let first = [("a", "1"), ("d/b", "22")];
+        for (files, stay) in [
+            (&first[..], true),
+            (&[("a", "1"), ("d/b", "23")], false),
+            (&[("a", "1")], false),
+            (&[("a", "1"), ("d/b", "22"), ("d/c", "")], false),
+            (&[("a", "1"), ("d/c", "22")], false),
+        ] {
+            write(&first);
+            fs::File::options().write(true).open(path.join("a")).unwrap().set_modified(old).unwrap();
+            write(files);
+            let time = fs::metadata(path.join("a")).unwrap().modified().unwrap();
+            assert_eq!(time == old, stay, "{files:?}");
+            for (name, text) in files {
+                assert_eq!(fs::read(path.join(name)).unwrap(), text.as_bytes());
+            }
+            assert_eq!(names_below(&path, "", 0).unwrap().len(), files.len());
+            assert_eq!(names_in(around.path()), ["x"]);
+        }
     }
 
     #[test]

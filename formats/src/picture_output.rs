@@ -56,22 +56,29 @@ impl PictureDepth {
 /// # Errors
 /// [`FormatError::Io`] when the file can't be written; nothing is left behind then.
 pub fn write_picture(path: &Path, picture: &Picture, depth: PictureDepth) -> Result<(), FormatError> {
-    let bytes = match depth {
+    write_whole(path, &picture_bytes(path, picture, depth)?)
+}
+
+/// The bytes of the file that [`write_picture`] writes; `path` names it in errors.
+///
+/// # Errors
+/// [`FormatError`] when it can't be encoded.
+pub fn picture_bytes(path: &Path, picture: &Picture, depth: PictureDepth) -> Result<Vec<u8>, FormatError> {
+    match depth {
         PictureDepth::U8 => {
             let codes: Vec<u8> =
                 picture.samples.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
             let color = if picture.channels == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
-            png(path, (picture.width, picture.height), &codes, color)?
+            png(path, (picture.width, picture.height), &codes, color)
         }
         PictureDepth::U16 => {
             let code = |v: &f32| ((v.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_ne_bytes();
             let codes: Vec<u8> = picture.samples.iter().flat_map(code).collect();
             let color = if picture.channels == 1 { ExtendedColorType::L16 } else { ExtendedColorType::Rgb16 };
-            png(path, (picture.width, picture.height), &codes, color)?
+            png(path, (picture.width, picture.height), &codes, color)
         }
-        PictureDepth::F16 | PictureDepth::F32 => openexr(path, picture, depth)?,
-    };
-    write_whole(path, &bytes)
+        PictureDepth::F16 | PictureDepth::F32 => openexr(path, picture, depth),
+    }
 }
 
 /// Codes of 8 bits, to be written into a page rather than to a file of their own.

@@ -59,13 +59,13 @@ enum Place {
 
 /// What a decoder holds for each byte of the picture: the picture, its file, and for progressive
 /// JPEG two bytes a coefficient.
-const DECODER_SHARE: u64 = 4;
+pub const DECODER_SHARE: u64 = 4;
 
 /// What the smallest decoder is allowed.
 const DECODER_LEAST: u64 = 4 << 20;
 
 /// Memory kept back for code, tables and the allocator.
-const RESERVE: u64 = 48 << 20;
+pub const RESERVE: u64 = 48 << 20;
 
 impl PictureStack {
     /// Decodes the pictures of `capture`, keeps the part that it asks for, and hands values out with its gains.

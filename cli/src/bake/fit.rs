@@ -1,6 +1,7 @@
 //! From options and lights to a solved fit, and what is worth saying about it.
 
 use super::fit_options::FitOptions;
+use super::kept::KeptFit;
 use super::making::Samples;
 use crate::failure::{Exit, Failure};
 use crate::interrupt;
@@ -13,6 +14,7 @@ use relight_fit::{
 };
 use relight_formats::OpenCapture;
 use relight_texture::TexelFormat;
+use serde_json::{Value, json};
 
 /// What to fit.
 #[derive(Clone)]
@@ -101,6 +103,8 @@ const MOST_PLANES: usize = 64;
 pub(crate) enum Solved<'a> {
     Functions(Box<FunctionFit<'a>>, Layout),
     Planes(Box<LearnedFit>),
+    /// Coefficients that an earlier bake computed.
+    Kept(Box<KeptFit>),
 }
 
 /// Ways to coefficients of functions.
@@ -135,7 +139,7 @@ impl FunctionFit<'_> {
 /// A solved fit.
 pub(crate) struct BakeFit<'a> {
     pub(crate) solved: Solved<'a>,
-    /// What the user should know: lowered orders, deficient lights, pictures that don't fit.
+    /// What the user should know: lowered orders, deficient lights.
     pub(crate) notes: Vec<String>,
     pub(super) misfits: Vec<Misfit>,
 }
@@ -149,6 +153,7 @@ impl Solved<'_> {
                 FunctionFit::Near(fit, solutions) => PixelFit::Near(fit, solutions, *layout),
             },
             Self::Planes(fit) => (&**fit).into(),
+            Self::Kept(fit) => (&fit.planes).into(),
         }
     }
 
@@ -156,6 +161,7 @@ impl Solved<'_> {
         match self {
             Self::Functions(fit, _) => fit.least_squares().basis.clone(),
             Self::Planes(fit) => Basis::Learned(fit.basis.clone()),
+            Self::Kept(fit) => fit.planes.basis.clone(),
         }
     }
 
@@ -163,6 +169,7 @@ impl Solved<'_> {
         match self {
             Self::Functions(fit, _) => fit.least_squares().figures,
             Self::Planes(fit) => fit.figures,
+            Self::Kept(fit) => fit.figures,
         }
     }
 
@@ -170,6 +177,37 @@ impl Solved<'_> {
         match self {
             Self::Functions(fit, _) => &fit.least_squares().leave_one_out,
             Self::Planes(fit) => &fit.leave_one_out,
+            Self::Kept(fit) => &fit.leave_one_out,
+        }
+    }
+
+    /// How much each light counts.
+    pub(super) fn weights(&self) -> Vec<f64> {
+        match self {
+            Self::Functions(fit, _) => fit.least_squares().decomposition.weights.clone(),
+            Self::Planes(fit) => vec![1.0; fit.leave_one_out.fit.len()],
+            Self::Kept(fit) => fit.weights.clone(),
+        }
+    }
+
+    /// How it was solved, for reports: an object.
+    pub(super) fn solution(&self) -> Value {
+        match self {
+            Self::Functions(fit, _) => {
+                let solved = fit.least_squares();
+                let mut solution = json!({
+                    "ridge": solved.ridge,
+                    "rank": solved.decomposition.rank(),
+                    "condition": finite(solved.decomposition.condition()),
+                    "singular_values": solved.decomposition.singular_values,
+                });
+                if let FunctionFit::Near(_, solutions) = &**fit {
+                    solution["near"] = json!({ "nodes": solutions.nodes(), "off": solutions.off });
+                }
+                solution
+            }
+            Self::Planes(fit) => json!({ "smoothing": fit.smoothing, "energy": fit.energy }),
+            Self::Kept(fit) => fit.solution.clone(),
         }
     }
 
@@ -182,6 +220,7 @@ impl Solved<'_> {
             }
             Self::Planes(fit) if fit.smoothing.is_some() => format!("pca with {} planes", fit.basis.planes()),
             Self::Planes(fit) => format!("{} in {} planes", fit.basis.origin(), fit.basis.planes()),
+            Self::Kept(fit) => fit.words.clone(),
         }
     }
 }
@@ -294,20 +333,32 @@ pub(super) fn solve<'a>(
             (Solved::Planes(Box::new(fit)), samples.misfits(capture, &sample.of_pictures)?)
         }
     };
-    let name = |light: usize| &capture.capture.lights.lights[light].name;
-    notes.extend(misfits.iter().map(|misfit| match misfit.better {
-        Some(other) => format!(
-            "picture {} fits the light of {} better than its own: check whether its name is swapped",
-            name(misfit.light),
-            name(other)
-        ),
-        None => format!(
-            "picture {} is {:.1} times harder to predict than those around it: check its light",
-            name(misfit.light),
-            misfit.rmse / misfit.expected
-        ),
-    }));
     Ok(BakeFit { solved, notes, misfits: misfits.to_vec() })
+}
+
+impl BakeFit<'_> {
+    /// What is odd about pictures of `capture`, which it is a fit of.
+    pub(super) fn misfit_notes(&self, capture: &OpenCapture) -> Vec<String> {
+        let name = |light: usize| &capture.capture.lights.lights[light].name;
+        let words = |misfit: &Misfit| match misfit.better {
+            Some(other) => format!(
+                "picture {} fits the light of {} better than its own: check whether its name is swapped",
+                name(misfit.light),
+                name(other)
+            ),
+            None => format!(
+                "picture {} is {:.1} times harder to predict than those around it: check its light",
+                name(misfit.light),
+                misfit.rmse / misfit.expected
+            ),
+        };
+        self.misfits.iter().map(words).collect()
+    }
+}
+
+/// JSON has no infinity: `null` stands for it.
+pub(super) fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
 }
 
 /// A sentence when the lights leave functions undetermined or nearly so.

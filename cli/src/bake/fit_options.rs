@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::function_options::{FunctionOptions, family_of_name, size_of};
-use crate::options::ByteCount;
+use crate::options::{ByteCount, optional, words_of};
 use clap::{Args, ValueEnum};
 use relight_core::basis::SrbfDesign;
 use relight_core::metrics::psnr;
@@ -173,6 +173,44 @@ impl FitOptions {
 
     fn basis(&self) -> &str {
         self.basis.as_deref().unwrap_or("ptm")
+    }
+
+    /// All that these options say of the coefficients of `capture`'s pictures, by name.
+    ///
+    /// # Errors
+    /// Those of options that exclude each other.
+    pub(super) fn named(&self, capture: &OpenCapture) -> Result<Vec<(&'static str, String)>, Failure> {
+        let TargetOptions { target_psnr, target_error, budget_bytes } = self.targets;
+        let count = self.asked_count()?.map_or("usual".to_owned(), |count| count.to_string());
+        let mut settings = vec![
+            ("basis", self.family()?.name.to_owned()),
+            ("k", count),
+            ("color", words_of(self.color)),
+            ("planes", optional(self.planes)),
+            ("target_psnr", optional(target_psnr)),
+            ("target_error", optional(target_error)),
+            ("budget_bytes", optional(budget_bytes.map(|bytes| bytes.0))),
+            ("space", format!("{:?}", self.space(capture)).to_lowercase()),
+            (
+                "ridge",
+                match self.ridge {
+                    Ridge::Auto => "auto".to_owned(),
+                    Ridge::Fixed(ridge) => ridge.to_string(),
+                },
+            ),
+            ("robust", self.robust.to_string()),
+            ("weights", words_of(self.weights)),
+        ];
+        let srbf = self.srbf()?;
+        if self.basis() == "srbf" {
+            settings.extend([
+                ("points", format!("{:?}", srbf.points).to_lowercase()),
+                ("domain", format!("{:?}", srbf.domain).to_lowercase()),
+                ("spread", format!("{:?}", srbf.spread).to_lowercase()),
+                ("kernel", format!("{:?}", srbf.kernel).to_lowercase()),
+            ]);
+        }
+        Ok(settings)
     }
 
     /// These options for `count` functions of `basis`, without a target.

@@ -112,7 +112,7 @@ impl<'a> Planned<'a> {
             choice.keep_within(budget, &formats, size, levels)?;
         }
         let lights = capture.capture.lights.directions();
-        let model = Model { basis: choice.stored()?, layout, space, lights, figures: None };
+        let model = Model { basis: choice.stored()?, layout, space, lights, figures: None, provenance: None };
         let planned = Self {
             output: output.to_owned(),
             model,
@@ -135,6 +135,27 @@ impl<'a> Planned<'a> {
         AssetPlan { width, height, model: &self.model, formats: &self.formats, levels: self.levels }
     }
 
+    /// The formats that it may have.
+    pub(crate) fn formats(&self) -> &[TexelFormat] {
+        &self.formats
+    }
+
+    /// Layers of texels of `format`.
+    pub(crate) fn layers(&self, format: TexelFormat) -> usize {
+        planes_of_layers(&self.model, format).len()
+    }
+
+    /// The files that it will have, as far as that is known before pictures are decoded: where formats are chosen by trial,
+    /// there may be more textures, and of learned planes there may be fewer.
+    ///
+    /// # Errors
+    /// Exit code 2 where a file of something else is in the way.
+    pub(crate) fn files(&self, positions: bool) -> Result<Vec<PathBuf>, Failure> {
+        let plan = self.textures.plan(&self.model, self.size, &self.formats[..1], &[], None)?;
+        let parts = Parts { split: self.settings.split, positions };
+        self.format.outputs(&self.output, &plan.packing, parts).map_err(Failure::of_output)
+    }
+
     /// Bytes of its texels in all levels, of the first of the formats that it may have.
     pub(crate) fn texel_bytes(&self) -> u64 {
         let Some(&format) = self.formats.first() else { return 0 };
@@ -151,6 +172,11 @@ impl<'a> Planned<'a> {
     /// Pixels of a span that suits its writer.
     fn span_pixels(&self) -> usize {
         span_pixels(self.size.0, needs_rows(self.formats.iter().copied(), self.levels))
+    }
+
+    /// Its model with what `fit` found.
+    pub(crate) fn model_of(&self, fit: &BakeFit<'_>) -> Model {
+        Model { basis: fit.solved.basis(), figures: Some(fit.solved.figures()), ..self.model.clone() }
     }
 
     /// Solves its fit and examines it.
@@ -203,8 +229,7 @@ pub(crate) fn make(
     check: &dyn Fn(&[PathBuf]) -> Result<(), Failure>,
 ) -> Result<Vec<Made>, Failure> {
     for asset in assets.iter_mut() {
-        asset.model.basis = fit.solved.basis();
-        asset.model.figures = Some(fit.solved.figures());
+        asset.model = asset.model_of(fit);
     }
     let assets: Vec<&Planned<'_>> = assets.iter().map(|asset| &**asset).collect();
     let needs_ranges = |asset: &&Planned<'_>| asset.formats.iter().any(|&f| asset.format.needs_ranges(f));

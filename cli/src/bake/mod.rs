@@ -1,30 +1,43 @@
 //! `relight bake`: pictures in, asset out.
 
+mod cache_options;
+mod division;
 mod fit;
 mod fit_options;
+mod job;
+mod kept;
+mod keys;
 mod making;
 mod positions;
 mod report;
 pub(crate) mod textures;
 mod versions;
 
-use crate::budget::{Account, Judges, heat_map_files};
+use crate::budget::{Account, Judges};
+use crate::depfile::BuildOptions;
 use crate::evaluate::{Evaluation, PixelError};
-use crate::failure::Failure;
+use crate::failure::{Exit, Failure};
 use crate::holdout::Holdout;
 use crate::near::{NearOptions, surface_bytes};
-use crate::options::{Machine, MachineOptions, check_apart, check_writable};
+use crate::options::{Machine, MachineOptions, check_apart};
 use crate::photograph_options::PhotographOptions;
-use crate::{evaluate, interrupt, notes, page, progress, sweep};
+use crate::say::{say, write_product};
+use crate::{evaluate, interrupt, page, progress, sweep};
+use cache_options::CacheOptions;
 use clap::Args;
+pub(crate) use division::{Division, split};
 pub(crate) use fit::BakeFit;
 pub(crate) use fit_options::{Color, FitOptions, TargetOptions};
+use job::suffix_of;
+pub(crate) use job::{Job, Ready, input_files, job_pictures};
+pub(crate) use kept::{CacheUse, KeepError, Keeper};
+pub(crate) use keys::{fit_key_of, key_of};
 pub(crate) use making::{Made, Planned, Samples, bytes_beside, make};
 use relight_core::{Space, Stack};
 use relight_fit::{LevelledStack, NearLamps};
 use relight_formats::{
-    AssetFormat, AssetPositions, OpenCapture, PictureStack, ScratchFolder, StackSettings, open_capture,
-    place_of,
+    AssetPositions, Cache, FitFolder, MadeFile, OpenCapture, PictureStack, ScratchFolder, StackSettings,
+    TileStack, hexadecimal, tree_hash,
 };
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -33,19 +46,20 @@ pub(crate) use versions::Versions;
 /// What to fit and how. Every option is also a key of a TOML job file given as INPUT.
 #[derive(Args, Debug)]
 pub(crate) struct BakeArguments {
-    /// A .lp file, a folder that holds one, or a .toml job file
+    /// A .lp file, a folder that holds one, or a .toml job file (- for one on standard input); several job files are baked one
+    /// after another
     input: PathBuf,
     /// The asset to write: .ktx2, .dds, .exr, .ptm, .rti, or .web for a folder
     #[arg(short, long, value_name = "FILE")]
-    output: PathBuf,
+    pub(crate) output: PathBuf,
     #[command(flatten)]
-    fit: FitOptions,
+    pub(crate) fit: FitOptions,
     #[command(flatten)]
     photographs: PhotographOptions,
     #[command(flatten)]
     near: NearOptions,
     #[command(flatten)]
-    textures: textures::TextureOptions,
+    pub(crate) textures: textures::TextureOptions,
     #[command(flatten)]
     positions: positions::PositionOptions,
     /// Pictures to leave out and judge by: every:N, random:N, random:N:SEED or FILE.lp
@@ -60,7 +74,18 @@ pub(crate) struct BakeArguments {
     #[arg(long, value_name = "FOLDER")]
     heatmaps: Option<PathBuf>,
     #[command(flatten)]
+    cache: CacheOptions,
+    #[command(flatten)]
+    build: BuildOptions,
+    #[command(flatten)]
     machine: MachineOptions,
+}
+
+impl BakeArguments {
+    /// Notes the job file that they come from.
+    pub(crate) fn set_job_file(&mut self, path: PathBuf) {
+        self.build.set_job_file(path);
+    }
 }
 
 /// Seconds that each stage took, in order.
@@ -93,61 +118,70 @@ impl Stages {
     }
 }
 
+impl BakeArguments {
+    /// Whether targets choose what is fitted.
+    ///
+    /// # Errors
+    /// Exit code 2 for options that exclude each other.
+    pub(crate) fn searches(&self) -> Result<bool, Failure> {
+        self.fit.searches()
+    }
+}
+
 /// Runs the subcommand.
 pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
-    let machine = arguments.machine.machine()?;
-    let format = AssetFormat::by_path(&arguments.output).map_err(Failure::of_output)?;
-    format.check_writable(&arguments.output).map_err(Failure::of_output)?;
-    let report_files = arguments.report.as_deref().map(page::report_files).transpose()?;
-    let reports: Vec<PathBuf> =
-        report_files.iter().flat_map(|(json, page)| [json].into_iter().chain(page).cloned()).collect();
-    for path in &reports {
-        check_writable(path)?;
-    }
-    if let Some(folder) = &arguments.heatmaps {
-        check_heat_maps(folder, arguments.report.is_some())?;
-    }
-    let spill_folder = spill_folder(&arguments.output);
     let mut stages = Stages::default();
+    let job = Job::open(arguments, &mut stages)?;
+    let judges = job.judges();
+    let depfile = arguments.build.depfile(&arguments.output, job.inputs(judges.as_ref()))?;
+    if arguments.build.is_dry_run() {
+        return dry_run(job, stages);
+    }
+    let cache = arguments.cache.open();
+    match cache.as_ref().is_some_and(|cache| job.is_up_to_date(cache)) {
+        true => say!("{}: up to date", arguments.output.display()),
+        false => bake(job, Keeping::In(cache), stages)?,
+    }
+    depfile.map_or(Ok(()), |depfile| depfile.write())
+}
 
-    let mut all = stages.time("open", || open_capture(&arguments.input))?;
-    let whole = all.size();
-    stages.time("adjust", || arguments.photographs.apply(&mut all, &machine, &spill_folder))?;
-    let (mut fitted, mut left_out) = split(&all, arguments.holdout.as_ref(), &arguments.photographs)?;
-    let mut scene_notes = Vec::new();
-    let wanted = arguments.positions.wanted(&machine, &mut scene_notes)?;
-    let map = match wanted || arguments.near.is_given() {
-        true => stages.time("positions", || {
-            arguments.positions.read(whole, arguments.photographs.crop(), machine.memory)
-        })?,
-        false => None,
+/// Says what [`bake`] would read and write, and checks what can be checked without decoding.
+fn dry_run(job: Job<'_>, mut stages: Stages) -> Result<(), Failure> {
+    let Ready { job, fitted, left_out, lamps, space, .. } = job.prepare(&mut stages)?;
+    let Job { arguments, machine, format, beside_asset, .. } = &job;
+    let stored = job.stores_positions(lamps.as_ref());
+    arguments.positions.precision(format, &arguments.output, stored)?;
+    let files = match arguments.searches()? {
+        // What the targets take is known afterwards.
+        true => vec![arguments.output.clone()],
+        false => {
+            Planned::new(&arguments.output, &arguments.fit, &arguments.textures, &fitted, space, machine)?
+                .files(stored)?
+        }
     };
-    if arguments.near.is_given() && arguments.fit.learns()? {
-        return Err(Failure::usage(
-            "--near fits functions of light; bake those of sh, hsh, srbf or ptm, and make planes of them with relight convert",
-        ));
-    }
-    if arguments.near.is_given() && arguments.fit.searches()? {
-        return Err(Failure::usage("--near fits one choice: leave targets out and give --basis and -k"));
-    }
-    if arguments.near.is_given() && arguments.fit.is_robust() {
-        return Err(Failure::usage("--near and --robust exclude each other; leave one of them out"));
-    }
-    let lamps = arguments.near.apply(&mut fitted, whole, map.as_ref(), &mut all.capture.notes)?;
-    let lamps_of_judges = match &mut left_out {
-        Some(judges) => arguments.near.apply(judges, whole, map.as_ref(), &mut Vec::new())?,
-        None => None,
-    };
-    notes::print(&all.capture.notes);
-    let others =
-        arguments.positions.files().chain(arguments.photographs.files()).chain(arguments.near.files());
-    let inputs = input_files(&all, left_out.as_ref(), others);
-    let beside_asset: Vec<PathBuf> =
-        reports.iter().cloned().chain(arguments.heatmaps.iter().flat_map(|f| heat_map_files(f))).collect();
-    check_apart(std::iter::once(&arguments.output).chain(&beside_asset), inputs.iter().copied())?;
-    let space = arguments.fit.space(&all);
-    let stored = wanted && !(lamps.is_some() && format.positions.is_empty());
-    if wanted && !stored {
+    let inputs = job.inputs(left_out.as_ref());
+    check_apart(files.iter().chain(beside_asset), inputs.iter().copied())?;
+    arguments.build.say_files(inputs.iter().copied(), files.iter().chain(beside_asset));
+    Ok(())
+}
+
+/// What becomes of coefficients on their way.
+pub(crate) enum Keeping {
+    /// They are kept in a cache and taken from it, where there is one.
+    In(Option<Cache>),
+    /// They are those of all shards.
+    Merged(FitFolder),
+}
+
+/// Makes the asset of `job`.
+pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result<(), Failure> {
+    let Ready { mut job, fitted, left_out, lamps, lamps_of_judges, map, space } = job.prepare(&mut stages)?;
+    let mut scene_notes = std::mem::take(&mut job.scene_notes);
+    let Job { arguments, machine, format, all, provenance, beside_asset, .. } = &job;
+    let spill_folder = spill_folder(&arguments.output);
+    let inputs = job.inputs(left_out.as_ref());
+    let stored = job.stores_positions(lamps.as_ref());
+    if !stored && job.wants_positions() {
         scene_notes
             .push(format!("{}: holds no positions; they serve --near alone", arguments.output.display()));
     }
@@ -158,7 +192,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let (found, decoded) = match arguments.fit.searches()? {
         true => {
             let (left_out, spill, beside) = (left_out.as_ref(), spill_folder.as_path(), position_bytes);
-            let opened = sweep::Opened { fitted: &fitted, left_out, space, machine, spill, beside };
+            let opened = sweep::Opened { fitted: &fitted, left_out, space, machine: *machine, spill, beside };
             let (found, pictures) = search(arguments, &opened, &mut stages)?;
             (Some(found), Some(pictures))
         }
@@ -168,51 +202,96 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         Some(found) => (&found.fit, &found.textures),
         None => (&arguments.fit, &arguments.textures),
     };
-    let mut planned = Planned::new(&arguments.output, fit, textures, &fitted, space, &machine)?;
+    let mut planned = Planned::new(&arguments.output, fit, textures, &fitted, space, machine)?;
+    planned.model.provenance = Some(Box::new(provenance.clone()));
 
-    let near = lamps.as_ref().map_or(0, |_| planned.near_bytes(&fitted, machine.threads));
-    let beside = [position_bytes, surface_bytes(lamps.as_ref()), near]
-        .into_iter()
-        .fold(bytes_beside(&[&planned], &fitted, &machine), u64::saturating_add);
-    let pictures = match decoded {
-        Some(pictures) => pictures,
-        None => stages.time("decode", || load(&fitted, space, &machine, beside, &spill_folder))?,
+    let mut keeper = match &keeping {
+        // What a search finds, it has measured on the way.
+        Keeping::In(_) if found.is_some() => None,
+        Keeping::In(cache) => cache.as_ref().and_then(|cache| {
+            let folder = cache.fit(fit_key_of(provenance), planned.float_bytes());
+            if folder.is_none() {
+                scene_notes
+                    .push("the coefficients are more than --cache-size allows and are not kept".to_owned());
+            }
+            Some(Keeper::new(folder?, fitted.size()))
+        }),
+        Keeping::Merged(folder) => Some(Keeper::new(folder.clone(), fitted.size())),
     };
-    let levelled =
-        lamps.as_ref().map(|lamps| LevelledStack { stack: &pictures, lamps, space, level: machine.level });
-    let stack: &dyn Stack = levelled.as_ref().map_or(&pictures, |levelled| levelled);
-    let mut fit = stages.time("solve", || planned.solve(&fitted, &Samples::new(stack), lamps.as_ref()))?;
+    let taken = stages.time("cache", || keeper.as_mut().and_then(|keeper| keeper.take_up(&planned.model)));
+    let (pictures, levelled, tiles);
+    let mut spilled = 0;
+    let (mut fit, stack): (BakeFit<'_>, &dyn Stack) = match taken {
+        Some((fit, found)) => {
+            tiles = found;
+            (fit, &tiles)
+        }
+        None if matches!(keeping, Keeping::Merged(_)) => {
+            let message = format!("{}: what the shards computed is not whole", arguments.output.display());
+            return Err(Failure::new(Exit::BadInput, message));
+        }
+        None => {
+            pictures = match decoded {
+                Some(pictures) => pictures,
+                None => {
+                    let place = (position_bytes, arguments.output.as_path());
+                    job_pictures(&planned, &fitted, lamps.as_ref(), place, machine, &mut stages)?
+                }
+            };
+            job.stamps.check()?;
+            spilled = pictures.spilled_bytes();
+            levelled = lamps.as_ref().map(|lamps| LevelledStack {
+                stack: &pictures,
+                lamps,
+                space,
+                level: machine.level,
+            });
+            let stack: &dyn Stack = levelled.as_ref().map_or(&pictures, |levelled| levelled);
+            let fit =
+                stages.time("solve", || planned.solve(&fitted, &Samples::new(stack), lamps.as_ref()))?;
+            match keep(keeper.as_mut(), &planned, &fit, stack, machine, &mut scene_notes, &mut stages)? {
+                Some((fit, found)) => {
+                    tiles = found;
+                    (fit, &tiles)
+                }
+                None => (fit, stack),
+            }
+        }
+    };
     let position_facts = positions.as_ref().map(positions::PositionFacts::of);
-    let check =
-        |outputs: &[PathBuf]| check_apart(outputs.iter().chain(&beside_asset), inputs.iter().copied());
+    let check = |outputs: &[PathBuf]| check_apart(outputs.iter().chain(beside_asset), inputs.iter().copied());
     let scratch = match &arguments.report {
-        Some(_) => versions_folder(&planned, lamps.as_ref(), &machine, &mut scene_notes)?,
+        Some(_) => versions_folder(&planned, lamps.as_ref(), machine, &mut scene_notes)?,
         None => None,
     };
     planned.keep_versions_in = scratch.as_ref().map(|folder| folder.path().to_owned());
-    let mut made = make(&mut [&mut planned], &fit, stack, positions, &machine, &mut stages, &check)?;
-    let Made { plan, packed, versions, .. } = made.swap_remove(0);
+    let mut made = make(&mut [&mut planned], &fit, stack, positions, machine, &mut stages, &check)?;
+    let Made { plan, packed, versions, files, .. } = made.swap_remove(0);
+    fit.notes.extend(fit.misfit_notes(&fitted));
     fit.notes.extend(found.as_ref().map(|found| found.why.clone()));
     fit.notes.append(&mut scene_notes);
     fit.notes.extend(textures::size_note(&plan.packing, fitted.size().0, fitted.size().1));
     fit.notes.extend(position_facts.as_ref().and_then(|facts| facts.note.clone()));
-    let spilled = pictures.spilled_bytes();
-    drop(pictures);
+    let cache_use = keeper.as_ref().map(|keeper| keeper.counts);
+    fit.notes.extend(cache_use.and_then(CacheUse::note));
 
     let left_out = left_out.as_ref().map(|capture| Judges { capture, lamps: lamps_of_judges.as_ref() });
     let (budget, judged) = match &versions {
         Some(versions) => {
             let seen = Judges { capture: &fitted, lamps: lamps.as_ref() };
-            let account = Account { asset: &arguments.output, versions, seen, left_out, machine: &machine };
+            let account = Account { asset: &arguments.output, versions, seen, left_out, machine };
             let (budget, judged) = stages.time("error budget", || account.settle())?;
             (Some(budget), left_out.map(|_| judged))
         }
-        None => (None, judged_by(&arguments.output, left_out, &machine, &mut stages)?),
+        None => (None, judged_by(&arguments.output, left_out, machine, &mut stages)?),
     };
     drop(scratch);
+    let key = hexadecimal(&key_of(provenance));
     let summary = report::Summary {
         fit: &fit,
         fitted: &fitted,
+        key: (&key, provenance),
+        cache: cache_use,
         notes: &all.capture.notes,
         judged: judged.as_ref(),
         budget: budget.as_ref(),
@@ -224,30 +303,66 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         positions: position_facts.as_ref(),
     };
     summary.print(&arguments.output);
-    if let Some((json, page)) = &report_files {
+    if let Some((json, page)) = &job.report_files {
         let report = summary.json(&arguments.output);
-        relight_formats::write_whole(json, format!("{report:#}\n").as_bytes())?;
+        write_product(json, format!("{report:#}\n").as_bytes())?;
         if let Some(page) = page {
-            let captures = (&fitted, left_out.map(|judges| judges.capture));
-            page::write_bake_page(page, &report, &arguments.output, captures, budget.as_ref(), &machine)?;
+            let listed = fitted.select(&fitted.as_listed());
+            let captures = (&listed, left_out.map(|judges| judges.capture));
+            page::write_bake_page(page, &report, &arguments.output, captures, budget.as_ref(), machine)?;
         }
     }
     if let (Some(folder), Some(budget)) = (&arguments.heatmaps, &budget) {
         budget.write_heat_maps(folder)?;
     }
+    if let Keeping::In(Some(cache)) = &keeping {
+        remember(cache, &job, &files);
+        // A cache is looked through where it has grown.
+        if cache_use.is_some_and(|used| used.fitted > 0) {
+            cache.evict();
+        }
+    }
     Ok(())
 }
 
-/// Fails where heat maps can't stand in `folder`, or nothing is known that they could show.
-fn check_heat_maps(folder: &Path, reported: bool) -> Result<(), Failure> {
-    let refused = |problem: &str| Err(Failure::usage(format!("--heatmaps {}: {problem}", folder.display())));
-    if !reported {
-        return refused("heat maps belong to the error budget of --report; give that too");
+/// Keeps the coefficients of `fit` where there is a folder for them, and opens them; a note instead where it can't take them.
+fn keep(
+    keeper: Option<&mut Keeper>,
+    planned: &Planned<'_>,
+    fit: &BakeFit<'_>,
+    stack: &dyn Stack,
+    machine: &Machine,
+    notes: &mut Vec<String>,
+    stages: &mut Stages,
+) -> Result<Option<(BakeFit<'static>, TileStack)>, Failure> {
+    let Some(keeper) = keeper else { return Ok(None) };
+    let model = planned.model_of(fit);
+    let wanted: Vec<usize> = (0..keeper.grid.count()).collect();
+    match stages.time("fit", || keeper.fill(fit, &model, stack, machine.level, &wanted)) {
+        Ok(tiles) => Ok(keeper.reopen(fit, &model, tiles)),
+        Err(KeepError::Folder(error)) => {
+            notes.push(format!("the cache is not used: {}", Failure::from(error).words()));
+            keeper.counts = CacheUse::default();
+            Ok(None)
+        }
+        Err(KeepError::Work(failure)) => Err(failure),
     }
-    if folder.is_file() {
-        return refused("is a file; name a folder");
+}
+
+/// Notes in the cache what was made; where it can't be, the next bake makes it again.
+fn remember(cache: &Cache, job: &Job<'_>, files: &[PathBuf]) {
+    let Job { arguments, provenance, judges_key, .. } = job;
+    let output = &arguments.output;
+    let hashed =
+        |file: &PathBuf| Some(MadeFile { suffix: suffix_of(file, output)?, hash: tree_hash(file).ok()? });
+    if let Some(files) = files.iter().map(hashed).collect::<Option<Vec<_>>>()
+        && let Ok(text) = serde_json::to_string(provenance)
+    {
+        drop(cache.keep_made(
+            &key_of(provenance),
+            &relight_formats::Made { provenance: text, judges: *judges_key, files },
+        ));
     }
-    Ok(())
 }
 
 /// A folder for the versions of an asset, gone when it is dropped; a note instead where they could not be read back.
@@ -292,57 +407,6 @@ fn search(
     let scratch =
         folder.path().join("asset").with_extension(arguments.output.extension().unwrap_or_default());
     sweep::search(opened, &arguments.fit, &arguments.textures, &scratch, stages)
-}
-
-/// The files that are read, each once: of the capture, of the pictures that judge, and `others`.
-pub(crate) fn input_files<'a>(
-    all: &'a OpenCapture,
-    left_out: Option<&'a OpenCapture>,
-    others: impl Iterator<Item = &'a PathBuf>,
-) -> Vec<&'a PathBuf> {
-    let captures = [all].into_iter().chain(left_out);
-    let files = captures.flat_map(|open| open.capture.pictures.iter().chain([&open.capture.light_file]));
-    let mut files: Vec<&PathBuf> = files.chain(others).collect();
-    let mut seen = std::collections::HashSet::new();
-    files.retain(|file| seen.insert(*file));
-    files
-}
-
-/// The pictures to fit, and those to judge the fit by.
-pub(crate) fn split(
-    all: &OpenCapture,
-    holdout: Option<&Holdout>,
-    photographs: &PhotographOptions,
-) -> Result<(OpenCapture, Option<OpenCapture>), Failure> {
-    let (kept, judge) = match holdout {
-        None => return Ok((all.clone(), None)),
-        Some(Holdout::File(path)) => {
-            let mut judge = open_capture(path)?;
-            notes::print(&judge.capture.notes);
-            evaluate::check_size((all.infos[0].width, all.infos[0].height), &all.capture.light_file, &judge)?;
-            photographs.apply_to_judges(&mut judge, all)?;
-            let places: Vec<_> = judge.capture.pictures.iter().filter_map(|path| place_of(path)).collect();
-            let is_judge = |path: &Path| place_of(path).is_some_and(|place| places.contains(&place));
-            let kept: Vec<usize> =
-                (0..all.infos.len()).filter(|&i| !is_judge(&all.capture.pictures[i])).collect();
-            (kept, judge)
-        }
-        Some(rule) => {
-            let out = rule.indices(all.infos.len());
-            let kept: Vec<usize> = (0..all.infos.len()).filter(|i| !out.contains(i)).collect();
-            (kept, all.select(&out))
-        }
-    };
-    if kept.is_empty() || judge.infos.is_empty() {
-        let message = format!(
-            "--holdout leaves {} of {} pictures to fit and {} to judge by; both must be at least 1",
-            kept.len(),
-            all.infos.len(),
-            judge.infos.len()
-        );
-        return Err(Failure::usage(message));
-    }
-    Ok((all.select(&kept), Some(judge)))
 }
 
 /// Where pictures that exceed the memory go when `output` is written: TMPDIR, where that is set, or else beside it.

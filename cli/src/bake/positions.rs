@@ -1,7 +1,7 @@
 //! Positions that a bake stores beside its planes.
 
 use crate::failure::Failure;
-use crate::options::Machine;
+use crate::options::{Machine, words_of};
 use crate::positions::{DepthOptions, note, words};
 use clap::{Args, ValueEnum};
 use relight_core::PositionMap;
@@ -41,18 +41,39 @@ impl PositionOptions {
     }
 
     /// The files that positions are made from.
-    fn sources(&self) -> impl Iterator<Item = &PathBuf> {
+    pub(super) fn sources(&self) -> impl Iterator<Item = &PathBuf> {
         self.positions.iter().chain(self.source.files())
     }
 
-    /// Whether positions are to be stored, with a note where the scene leaves them out.
+    /// How positions are to be stored in `format`.
+    pub(super) fn precision_words(&self, format: &AssetFormat) -> String {
+        let usual = match format.positions.first() {
+            Some(Precision::F32) => PrecisionChoice::Float,
+            _ => PrecisionChoice::Half,
+        };
+        words_of(self.positions_precision.unwrap_or(usual))
+    }
+
+    /// All that is said of where they come from but for files, by name.
+    pub(super) fn named_source(&self) -> Vec<(&'static str, String)> {
+        self.source.named()
+    }
+
+    /// Whether positions are to be stored, with a note where the scene leaves them out and the files that the scene reads.
     ///
     /// # Errors
     /// As of [`read_scene`]; exit code 2 where the scene needs positions and none are given.
-    pub(super) fn wanted(&self, machine: &Machine, notes: &mut Vec<String>) -> Result<bool, Failure> {
+    pub(super) fn wanted(
+        &self,
+        machine: &Machine,
+        notes: &mut Vec<String>,
+        read: &mut Vec<PathBuf>,
+    ) -> Result<bool, Failure> {
         let given = self.sources().next().is_some();
         let Some(path) = &self.scene else { return Ok(given) };
-        let local = read_scene(path, machine.level, machine.memory)?.has_local_lights();
+        let scene = read_scene(path, machine.level, machine.memory)?;
+        let local = scene.has_local_lights();
+        read.extend(scene.inputs);
         if local && !given {
             let message = format!(
                 "{}: has local lights, which need positions; give --positions P.exr, or --depth and --camera",

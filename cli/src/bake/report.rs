@@ -1,14 +1,15 @@
 //! What a bake says for itself: a few lines on standard output, everything in `--report`.
 
 use super::Stages;
-use super::fit::{BakeFit, FunctionFit, Solved};
+use super::fit::{BakeFit, finite};
+use super::kept::CacheUse;
 use super::positions::PositionFacts;
 use super::textures::Plan;
 use crate::budget::Budget;
 use crate::evaluate::Evaluation;
 use crate::notes;
 use crate::say::say;
-use relight_core::Model;
+use relight_core::{Model, Provenance};
 use relight_formats::OpenCapture;
 use relight_texture::{PackReport, TexelFormat};
 use serde_json::{Value, json};
@@ -18,6 +19,10 @@ use std::path::Path;
 pub(super) struct Summary<'a> {
     pub(super) fit: &'a BakeFit<'a>,
     pub(super) fitted: &'a OpenCapture,
+    /// In hexadecimal digits, and what it is of.
+    pub(super) key: (&'a str, &'a Provenance),
+    /// What was taken from a cache, where there is one.
+    pub(super) cache: Option<CacheUse>,
     /// What was noteworthy about the capture's files.
     pub(super) notes: &'a [String],
     pub(super) judged: Option<&'a Evaluation>,
@@ -68,6 +73,7 @@ impl Summary<'_> {
             say!("held out, {} pictures: {}", judged.pictures.len(), judged.mean_words());
         }
         self.budget.iter().flat_map(|budget| budget.lines()).for_each(|line| say!("{line}"));
+        self.cache.iter().for_each(|cache| say!("{}", cache.words()));
         let total: f64 = self.stages.0.iter().map(|(_, seconds)| seconds).sum();
         let stages: Vec<_> =
             self.stages.summed().iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
@@ -124,20 +130,20 @@ impl Summary<'_> {
     pub(super) fn json(&self, output: &Path) -> Value {
         let fit = &self.fit.solved;
         let (figures, errors) = (fit.figures(), fit.leave_one_out());
-        let weight = |light: usize| match fit {
-            Solved::Functions(fit, _) => fit.least_squares().decomposition.weights[light],
-            Solved::Planes(_) => 1.0,
-        };
+        let weights = fit.weights();
         let names = &self.fitted.capture.lights.lights;
-        let lights: Vec<Value> = names
-            .iter()
-            .enumerate()
-            .map(|(i, light)| {
+        // As the user's light file has them.
+        let lights: Vec<Value> = self
+            .fitted
+            .as_listed()
+            .into_iter()
+            .map(|i| {
+                let light = &names[i];
                 let misfit = self.fit.misfits.iter().find(|misfit| misfit.light == i);
                 json!({
                     "name": light.name,
                     "direction": light.direction,
-                    "weight": weight(i),
+                    "weight": weights[i],
                     "leverage": errors.leverage[i],
                     "fit_rmse": errors.fit[i],
                     "leave_one_out_rmse": finite(errors.left_out[i]),
@@ -155,6 +161,9 @@ impl Summary<'_> {
         let mut report = json!({
             "relight": env!("CARGO_PKG_VERSION"),
             "output": output.to_string_lossy(),
+            "key": self.key.0,
+            "provenance": self.key.1,
+            "cache": self.cache.map(CacheUse::json),
             "width": self.fitted.size().0,
             "height": self.fitted.size().1,
             "basis": self.model.basis,
@@ -171,31 +180,9 @@ impl Summary<'_> {
             "seconds": stages,
             "spilled_bytes": self.spilled,
         });
-        let solution = match fit {
-            Solved::Functions(fit, _) => {
-                let fit = fit.least_squares();
-                json!({
-                    "ridge": fit.ridge,
-                    "rank": fit.decomposition.rank(),
-                    "condition": finite(fit.decomposition.condition()),
-                    "singular_values": fit.decomposition.singular_values,
-                })
-            }
-            Solved::Planes(fit) => json!({ "smoothing": fit.smoothing, "energy": fit.energy }),
-        };
-        if let Solved::Functions(fit, _) = fit
-            && let FunctionFit::Near(_, solutions) = &**fit
-        {
-            report["near"] = json!({ "nodes": solutions.nodes(), "off": solutions.off });
-        }
-        if let (Some(report), Value::Object(solution)) = (report.as_object_mut(), solution) {
+        if let (Some(report), Value::Object(solution)) = (report.as_object_mut(), fit.solution()) {
             report.extend(solution);
         }
         report
     }
-}
-
-/// JSON has no infinity: `null` stands for it.
-fn finite(value: f64) -> Option<f64> {
-    value.is_finite().then_some(value)
 }

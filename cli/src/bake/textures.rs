@@ -2,7 +2,7 @@
 
 use crate::failure::{Exit, Failure};
 use crate::interrupt;
-use crate::options::WrapChoice;
+use crate::options::{WrapChoice, optional, words_of};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use relight_core::{
@@ -222,6 +222,31 @@ impl TextureOptions {
             options.quality = quality_of(name).map_err(|words| refused("quality", words))?;
         }
         Ok(options)
+    }
+
+    /// All that these options say of an asset of `format`, by name.
+    pub(crate) fn named(&self, format: &AssetFormat) -> Vec<(&'static str, String)> {
+        let precision = self.precision.map_or(format.precisions[0], Precision::from);
+        let block = match self.block {
+            BlockChoice::None => "none",
+            BlockChoice::Auto => "auto",
+            BlockChoice::Only(format) => format.name(),
+        };
+        vec![
+            ("precision", precision.name().to_owned()),
+            ("block", block.to_owned()),
+            ("bits_per_pixel", optional(self.bits_per_pixel)),
+            ("quality", self.quality.name().to_owned()),
+            ("encoder", self.encoder.name().to_owned()),
+            ("range", self.range.name().to_owned()),
+            ("dither", self.dither.to_string()),
+            ("mips", self.mips.to_string()),
+            ("wrap", words_of(self.wrap.unwrap_or(WrapChoice::Clamp))),
+            ("zstd", optional(self.zstd)),
+            ("jpeg_quality", optional(self.jpeg_quality)),
+            ("deepzoom", self.deepzoom.to_string()),
+            ("split", self.split.to_string()),
+        ]
     }
 
     /// Whether blocks or a precision are asked for.

@@ -23,7 +23,7 @@ pub(crate) struct Budget {
     pub(crate) stages: Vec<Stage>,
     /// Mean squared error of the asset as read back: the sum of what the stages add.
     pub(crate) total: f64,
-    /// The judged lights: those that were left out, or else those that were fitted.
+    /// The judged lights in the order of the light file: those that were left out, or else those that were fitted.
     pub(crate) lights: Vec<LightBudget>,
     /// The worst first.
     pub(crate) worst_pixels: Vec<WorstPixel>,
@@ -46,7 +46,7 @@ pub(crate) struct Stage {
 }
 
 /// The error of a judged light.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct LightBudget {
     pub(crate) name: String,
     /// Mean squared error after each of the stages from "held-out" on, or from "fit" on where nothing is held out.
@@ -128,6 +128,7 @@ impl Account<'_> {
             entries.judged_stage(name, &mut evaluation);
         }
         let Entries { stages, lights, total } = entries;
+        let lights = judges.capture.as_listed().into_iter().map(|light| lights[light].clone()).collect();
         let size = (maps.width, maps.height);
         let worst_pixels = stages.last().map_or(Vec::new(), |stage| worst_pixels(&stage.map, size.0));
         let directions = judges.capture.capture.lights.directions();

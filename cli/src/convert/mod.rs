@@ -5,10 +5,11 @@ mod target;
 
 use crate::bake::Color;
 use crate::bake::textures::{Plan, TextureOptions, Trial, distributions, size_note};
+use crate::depfile::BuildOptions;
 use crate::failure::{Exit, Failure};
 use crate::function_options::FunctionOptions;
 use crate::options::{MachineOptions, check_apart};
-use crate::say::say;
+use crate::say::{self, say};
 use crate::{interrupt, notes, progress};
 use clap::Args;
 use loss::Loss;
@@ -54,6 +55,8 @@ pub(crate) struct ConvertArguments {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    build: BuildOptions,
+    #[command(flatten)]
     machine: MachineOptions,
 }
 
@@ -78,6 +81,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
     let source = summarize_asset(input)?;
     let inputs: Vec<PathBuf> = source.files.iter().chain([input]).cloned().collect();
     check_apart([output], &inputs)?;
+    let depfile = arguments.build.depfile(output, &source.files)?;
 
     let AssetHeader { width, height, model: from, packing } = &source.header;
     let (width, height) = (*width, *height);
@@ -94,6 +98,14 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
     let mut model = target.model(from)?;
     let formats = formats_of(target.layout)?;
     let mut told = losses_beside(&source, format, textures.levels(width, height));
+    if arguments.build.is_dry_run() {
+        let plan = textures.plan(&model, (width, height), &formats, &[], None)?;
+        let positions = source.positions.is_some() && !format.positions.is_empty();
+        let parts = Parts { split: settings.split, positions };
+        let outputs = format.outputs(output, &plan.packing, parts).map_err(Failure::of_output)?;
+        arguments.build.say_files(&source.files, &outputs);
+        return Ok(());
+    }
 
     let maps = read_asset(input, machine.memory)?;
     let positions = match source.positions.as_ref().filter(|_| !format.positions.is_empty()) {
@@ -182,11 +194,11 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<(), Failure> {
     let done = Done { arguments, from, to: &model, plan: &plan, way: &way, packed: &packed, loss: &loss };
     notes::print(&told);
     if arguments.json {
-        say!("{:#}", done.to_json(&told));
+        say::json(&done.to_json(&told));
     } else {
         done.print();
     }
-    Ok(())
+    depfile.map_or(Ok(()), |depfile| depfile.write())
 }
 
 /// The precision of an asset's texels where `format` has it, else its own first; blocks count as what they are

@@ -56,6 +56,7 @@ impl Target {
             space: self.space,
             lights: from.lights.clone(),
             figures: from.figures.filter(|_| kept),
+            provenance: from.provenance.clone().filter(|_| kept),
         })
     }
 }

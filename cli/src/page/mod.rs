@@ -14,6 +14,7 @@ mod ticks;
 use crate::budget::Budget;
 use crate::failure::Failure;
 use crate::options::Machine;
+use crate::say::is_dash;
 use error_budget::budget_json;
 pub(crate) use escape::html;
 use pictures::{Likeness, page_pictures};
@@ -72,11 +73,14 @@ pub(crate) struct Details<'a> {
     pub(crate) condition: Option<f64>,
 }
 
-/// Where the JSON of a report of `--report path` goes, and where its page, if it has one.
+/// Where the JSON of a report of `--report path` goes (`-` for standard output), and where its page, if it has one.
 ///
 /// # Errors
 /// Exit code 2 for an extension other than .json and .html.
 pub(crate) fn report_files(path: &Path) -> Result<(PathBuf, Option<PathBuf>), Failure> {
+    if is_dash(path) {
+        return Ok((path.to_owned(), None));
+    }
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         Some("json") => Ok((path.to_owned(), None)),

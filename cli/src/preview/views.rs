@@ -133,7 +133,14 @@ mod tests {
 
     fn maps(layout: Layout) -> RelightingMaps {
         let basis = Family::by_name("ptm").unwrap().build(&Design::new(6, &LightSet::default())).unwrap();
-        let model = Model { basis, layout, space: Space::Encoded, lights: Vec::new(), figures: None };
+        let model = Model {
+            basis,
+            layout,
+            space: Space::Encoded,
+            lights: Vec::new(),
+            figures: None,
+            provenance: None,
+        };
         let plane = |p: usize| {
             let texels = Texels::F32(vec![p as f32, 10.0 + (p * p) as f32]);
             RelightingMap { scale: 2.0, bias: -1.0, texels }

@@ -2,7 +2,7 @@
 
 use super::jobs::Job;
 use super::{Drawn, Loaded};
-use crate::say::say;
+use crate::say::{self, say};
 use relight_lights::LightReport;
 use serde_json::{Value, json};
 
@@ -133,7 +133,7 @@ impl Explanation {
 pub(super) fn print(explanations: &[Explanation], as_json: bool) {
     if as_json && !explanations.is_empty() {
         let all: Vec<&Value> = explanations.iter().map(|explanation| &explanation.json).collect();
-        say!("{:#}", json!({ "pictures": all }));
+        say::json(&json!({ "pictures": all }));
         return;
     }
     for explanation in explanations {

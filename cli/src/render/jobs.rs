@@ -39,14 +39,9 @@ pub(super) fn jobs(arguments: &RenderArguments, machine: &Machine) -> Result<Job
             let list = vec![Job { path: output.clone(), scene: file.scene(path, 0.0)? }];
             return Ok(Jobs { list, folder: None, inputs });
         }
-        let digits = file.times.len().to_string().len().max(4);
-        let extension = extension_for(arguments.depth);
-        let list = (1..)
+        let list = frame_paths(output, file.times.len(), extension_for(arguments.depth))
             .zip(&file.times)
-            .map(|(frame, &time)| {
-                let name = format!("frame_{frame:0digits$}.{extension}");
-                Ok(Job { path: output.join(name), scene: file.scene(path, time)? })
-            })
+            .map(|(frame, &time)| Ok(Job { path: frame, scene: file.scene(path, time)? }))
             .collect::<Result<_, Failure>>()?;
         return Ok(Jobs { list, folder: Some(output.clone()), inputs });
     }
@@ -60,6 +55,12 @@ pub(super) fn jobs(arguments: &RenderArguments, machine: &Machine) -> Result<Job
         folder: None,
         inputs: Vec::new(),
     })
+}
+
+/// Numbered pictures of a sequence in a folder, from 1, in names that sort.
+pub(crate) fn frame_paths(folder: &Path, frames: usize, extension: &str) -> impl Iterator<Item = PathBuf> {
+    let digits = frames.to_string().len().max(4);
+    (1..=frames).map(move |frame| folder.join(format!("frame_{frame:0digits$}.{extension}")))
 }
 
 /// Directional lights as the command line has them: the asset as it is, below its horizon, too.

@@ -11,12 +11,13 @@ mod search;
 
 pub(crate) use search::{Found, search};
 
-use crate::bake::{FitOptions, Planned, Stages, input_files, spill_folder, split, textures::TextureOptions};
+use crate::bake::textures::TextureOptions;
+use crate::bake::{Division, FitOptions, Planned, Stages, input_files, spill_folder, split};
 use crate::failure::Failure;
 use crate::holdout::Holdout;
 use crate::options::{MachineOptions, check_apart};
 use crate::photograph_options::PhotographOptions;
-use crate::say::say;
+use crate::say;
 use crate::{notes, page, progress};
 use axes::{Axes, GridPoint};
 use bench::Bench;
@@ -100,10 +101,11 @@ pub(crate) fn run(arguments: &SweepArguments) -> Result<(), Failure> {
     }
     let spill = spill_folder(folder);
     let mut stages = Stages::default();
-    let mut all = stages.time("open", || open_capture(&arguments.input))?;
+    let mut all = stages.time("open", || open_capture(&arguments.input)?.by_direction())?;
     stages.time("adjust", || arguments.photographs.apply(&mut all, &machine, &spill))?;
     notes::print(&all.capture.notes);
-    let (fitted, left_out) = split(&all, arguments.holdout.as_ref(), &arguments.photographs)?;
+    let (fitted, left_out) =
+        split(&all, &Division::new(&all, arguments.holdout.as_ref())?, &arguments.photographs)?;
     let space = arguments.fit.space(&all);
     let opened =
         Opened { fitted: &fitted, left_out: left_out.as_ref(), space, machine, spill: &spill, beside: 0 };
@@ -169,7 +171,7 @@ pub(crate) fn run(arguments: &SweepArguments) -> Result<(), Failure> {
 
 /// A line of JSON for a choice.
 fn say_json(outcome: &Outcome) {
-    say!("{}", serde_json::to_string(outcome).unwrap_or_default());
+    say::product(format!("{}\n", serde_json::to_string(outcome).unwrap_or_default()).as_bytes());
 }
 
 impl SweepArguments {

@@ -47,6 +47,10 @@ pub(crate) fn relight_in_least_memory(folder: &Path, line: &str) -> Outcome {
 pub(crate) fn command(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_relight"));
     command.current_dir(folder).env_remove("TMPDIR");
+    // The jobserver of a make that runs these tests.
+    for name in ["MAKEFLAGS", "MFLAGS", "CARGO_MAKEFLAGS"] {
+        command.env_remove(name);
+    }
     command
 }
 
@@ -121,6 +125,13 @@ pub(crate) fn strings(list: &Value, key: &str) -> Vec<String> {
 
 pub(crate) fn json_of(path: &Path) -> Value {
     serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// An asset but for where it comes from: another capture may give the same.
+pub(crate) fn maps_of(asset: &Path) -> relight_core::RelightingMaps {
+    let mut maps = relight_formats::read_asset(asset, 1 << 30).unwrap();
+    maps.model.provenance = None;
+    maps
 }
 
 /// Every file below `folder` with its bytes; folders have none.

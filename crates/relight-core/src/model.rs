@@ -1,6 +1,6 @@
 //! How planes and light become pixels.
 
-use crate::{Basis, Direction};
+use crate::{Basis, Direction, Provenance};
 use serde::{Deserialize, Serialize};
 
 /// Which values were fitted, so that render knows how lights add up.
@@ -81,6 +81,8 @@ pub struct Model {
     pub lights: Vec<Direction>,
     /// How well the fit did; `None` where a format can't hold it.
     pub figures: Option<FitFigures>,
+    /// What the bake was of that it comes from; `None` where that isn't known or a format can't hold it.
+    pub provenance: Option<Box<Provenance>>,
 }
 
 impl Model {

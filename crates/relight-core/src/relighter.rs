@@ -174,7 +174,7 @@ mod tests {
     fn lopsided(layout: Layout, space: Space, width: usize, height: usize) -> RelightingMaps {
         let lights = LightSet::default();
         let basis: Basis = Family::by_name("ptm").unwrap().build(&Design::new(6, &lights)).unwrap();
-        let model = Model { basis, layout, space, lights: Vec::new(), figures: None };
+        let model = Model { basis, layout, space, lights: Vec::new(), figures: None, provenance: None };
         let plane = |p: usize| RelightingMap {
             scale: 0.5 + 0.01 * p as f32,
             bias: -0.1 * p as f32,

@@ -45,7 +45,8 @@ pub use near::{
 pub use normals::{NormalError, NormalMap, normal_error, normal_map, normal_map_bytes};
 pub use photometric_stereo::{COPLANAR, NormalMethod, PhotometricStereo, SurfaceNormal};
 pub use rebin::{
-    PixelFit, SPAN, coefficient_distributions, coefficient_sample, fit_map, for_each_span, span_bytes,
+    PixelFit, SPAN, coefficient_distributions, coefficient_sample, fit_map, for_each_span,
+    for_each_span_within, span_bytes,
 };
 pub use refit::{PlaneStack, Refit};
 pub use relit_stack::RelitStack;

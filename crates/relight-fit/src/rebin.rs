@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use relight_core::weighted_sums::{Rows, weighted_sums};
 use relight_core::{CoefficientDistribution, CoefficientMap, CoefficientSample, CoefficientSpan};
 use relight_core::{CpuLevel, Layout, Model, Stack, Vectorized};
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 /// Pixels of a span for whoever doesn't need whole rows.
@@ -125,11 +126,30 @@ pub fn for_each_span<'a, E: From<FitError> + Send>(
     span_pixels: usize,
     consume: impl Fn(&CoefficientSpan<'_>) -> Result<(), E> + Sync,
 ) -> Result<(), E> {
+    for_each_span_within(stack, fit, level, 0..stack.pixels(), span_pixels, consume)
+}
+
+/// [`for_each_span`] of some pixels of the picture alone; spans are counted from the first of them.
+///
+/// # Errors
+/// As there.
+///
+/// # Panics
+/// When `span_pixels` is 0 or `within` leaves the picture.
+pub fn for_each_span_within<'a, E: From<FitError> + Send>(
+    stack: &dyn Stack,
+    fit: impl Into<PixelFit<'a>>,
+    level: CpuLevel,
+    within: Range<usize>,
+    span_pixels: usize,
+    consume: impl Fn(&CoefficientSpan<'_>) -> Result<(), E> + Sync,
+) -> Result<(), E> {
+    assert!(within.end <= stack.pixels(), "the pixels leave the picture");
     let fitting = Fitting::new(stack, fit.into(), level)?;
-    let spans = stack.pixels().div_ceil(span_pixels);
+    let spans = within.len().div_ceil(span_pixels);
     (0..spans).into_par_iter().try_for_each_init(Scratch::default, |scratch, span| {
-        let first = span * span_pixels;
-        consume(&scratch.fit(&fitting, first, span_pixels.min(stack.pixels() - first))?)
+        let first = within.start + span * span_pixels;
+        consume(&scratch.fit(&fitting, first, span_pixels.min(within.end - first))?)
     })
 }
 

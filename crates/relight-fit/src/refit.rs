@@ -89,6 +89,15 @@ pub(crate) struct ChannelRefit {
 }
 
 impl Refit {
+    /// The planes of `model` as they are.
+    ///
+    /// # Errors
+    /// [`FitError::Layouts`] for a model that is not consistent.
+    pub fn unchanged(model: &Model) -> Result<Self, FitError> {
+        let anywhere = Cap { axis: Direction::OUT, radius: PI };
+        Self::new(model, model.basis.clone(), model.layout, anywhere, 0.0)
+    }
+
     /// The way from `model` to `basis` in `layout`, by least squares over `domain`; functions that stay the
     /// same are not touched.
     ///

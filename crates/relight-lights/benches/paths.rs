@@ -30,6 +30,7 @@ fn asset(family: &str, count: usize, width: usize, height: usize) -> RelightingM
         space: Space::Linear,
         lights,
         figures: None,
+        provenance: None,
     };
     let mut seed = 1u32;
     let mut code = || {

@@ -98,7 +98,7 @@ mod tests {
 
     fn model(lights: Vec<Direction>) -> Model {
         let basis = Family::by_name("ptm").unwrap().build(&Design::new(6, &LightSet::default())).unwrap();
-        Model { basis, layout: Layout::Rgb, space: Space::Linear, lights, figures: None }
+        Model { basis, layout: Layout::Rgb, space: Space::Linear, lights, figures: None, provenance: None }
     }
 
     fn at(azimuth: f64, elevation: f64) -> Direction {

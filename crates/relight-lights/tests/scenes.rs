@@ -45,7 +45,7 @@ fn asset(family: &str, count: usize, layout: Layout, space: Space, precision: us
         Layout::Shared => learned(family, count),
         _ => Family::by_name(family).unwrap().build(&Design::new(count, &set)).unwrap(),
     };
-    let model = Model { basis, layout, space, lights, figures: None };
+    let model = Model { basis, layout, space, lights, figures: None, provenance: None };
     let mut next = random(count as u64 + precision as u64);
     let planes = (0..model.plane_count())
         .map(|p| {

@@ -28,7 +28,7 @@
 //! use relight_shader::{Language, ShaderOptions, shader};
 //! use relight_texture::{ArrayPlan, BlockFormat, LayerPlan, Packing, Quantizer, TexelFormat, Wrap, planes_of_layers};
 //! let basis = Family::by_name("ptm").unwrap().build(&Design::new(6, &LightSet::default()))?;
-//! let model = Model { basis, layout: Layout::Rgb, space: Space::Encoded, lights: vec![], figures: None };
+//! let model = Model { basis, layout: Layout::Rgb, space: Space::Encoded, lights: vec![], figures: None, provenance: None };
 //! let format = TexelFormat::Block(BlockFormat::Bc7);
 //! let quantizer = Quantizer { scale: 2.0, bias: -1.0 };
 //! let layers = planes_of_layers(&model, format)

@@ -117,7 +117,7 @@ mod tests {
         let lights = fibonacci_in(Cap { axis: Direction::OUT, radius: 1.3 }, 40);
         let set = LightSet::from_directions(lights.clone());
         let basis = Family::by_name(family).unwrap().build(&Design::new(count, &set)).unwrap();
-        Model { basis, layout, space: Space::Encoded, lights, figures: None }
+        Model { basis, layout, space: Space::Encoded, lights, figures: None, provenance: None }
     }
 
     /// M with its ridge, k x k.

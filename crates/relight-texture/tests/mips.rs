@@ -143,7 +143,14 @@ fn mips_of_the_coefficients_relit_are_mips_of_the_relit_picture() {
             let basis = family.build(&Design::new(count, &set)).unwrap();
             for layout in [Layout::Grey, Layout::Rgb] {
                 let space = Space::Linear;
-                let model = Model { basis: basis.clone(), layout, space, lights: Vec::new(), figures: None };
+                let model = Model {
+                    basis: basis.clone(),
+                    layout,
+                    space,
+                    lights: Vec::new(),
+                    figures: None,
+                    provenance: None,
+                };
                 let planes: Vec<Vec<f32>> =
                     (0..model.plane_count()).map(|p| lopsided(p + 1, width * height)).collect();
                 let maps = |planes: &[Vec<f32>], level: usize| {

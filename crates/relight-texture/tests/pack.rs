@@ -23,7 +23,7 @@ fn model(layout: Layout, count: usize) -> Model {
         Layout::Shared => Basis::Learned(learned(count)),
         _ => Family::by_name("sh").unwrap().build(&Design::new(count, &LightSet::default())).unwrap(),
     };
-    Model { basis, layout, space: Space::Encoded, lights, figures: None }
+    Model { basis, layout, space: Space::Encoded, lights, figures: None, provenance: None }
 }
 
 /// Functions of `planes` planes that hardly overlap either.

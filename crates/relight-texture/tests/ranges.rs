@@ -112,7 +112,7 @@ fn model_of(family: &str, count: usize, layout: Layout, space: Space) -> Model {
     let lights = fibonacci_in(Cap { axis: Direction::OUT, radius: 1.3 }, 40);
     let set = LightSet::from_directions(lights.clone());
     let basis: Basis = Family::by_name(family).unwrap().build(&Design::new(count, &set)).unwrap();
-    Model { basis, layout, space, lights, figures: None }
+    Model { basis, layout, space, lights, figures: None, provenance: None }
 }
 
 fn float_maps(model: &Model, (width, height): (usize, usize), planes: &[Vec<f32>]) -> RelightingMaps {

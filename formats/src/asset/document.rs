@@ -3,7 +3,7 @@
 //! docs/formats.md has its fields.
 
 use crate::FormatError;
-use relight_core::{Basis, Direction, FitFigures, Layout, Model, Space};
+use relight_core::{Basis, Direction, FitFigures, Layout, Model, Provenance, Space};
 use relight_texture::{ArrayPlan, PositionPlan, Precision, Quantizer, Wrap};
 use serde::{Deserialize, Serialize};
 use std::path::{Component, Path};
@@ -109,6 +109,8 @@ struct AssetRecord {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     error: Option<ErrorRecord>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    provenance: Option<Box<Provenance>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     wrap: Option<WrapRecord>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     levels: Option<usize>,
@@ -212,6 +214,7 @@ pub(super) fn text_of(
             fit_rmse: finite(figures.fit_rmse),
             leave_one_out_rmse: finite(figures.leave_one_out_rmse),
         }),
+        provenance: model.provenance.clone(),
         wrap,
         levels,
         arrays,
@@ -277,6 +280,7 @@ pub(super) fn parse(path: &Path, text: &[u8]) -> Result<Document, FormatError> {
             fit_rmse: number(error.fit_rmse),
             leave_one_out_rmse: number(error.leave_one_out_rmse),
         }),
+        provenance: record.provenance,
     };
     if !model.is_consistent() {
         return Err(damaged("layout 'shared' belongs to learned functions and to no others".to_owned()));

@@ -68,7 +68,7 @@ pub(super) fn check_pixels(
 pub(super) const UNIT: Quantizer = Quantizer { scale: 1.0, bias: 0.0 };
 
 /// The coefficients of plane `role` of `Model::roles` at `pixels` of `span`.
-pub(super) fn coefficients<'a>(
+pub(crate) fn coefficients<'a>(
     span: &CoefficientSpan<'a>,
     model: &Model,
     role: usize,

@@ -105,8 +105,14 @@ pub(super) fn open(path: &Path) -> Result<PtmFile, FormatError> {
     let offset = words.end_of_line(last)? as u64;
     check_length(path, (width, height), &form, file_bytes - offset)?;
     let ptm = Ptm::with_count(FUNCTIONS).map_err(|e| FormatError::invalid(path, e.to_string()))?;
-    let model =
-        Model { basis: Basis::Ptm(ptm), layout, space: Space::Encoded, lights: Vec::new(), figures: None };
+    let model = Model {
+        basis: Basis::Ptm(ptm),
+        layout,
+        space: Space::Encoded,
+        lights: Vec::new(),
+        figures: None,
+        provenance: None,
+    };
     let quantizers: Vec<_> =
         (0..model.plane_count()).map(|role| quantizer_of_role(&scale_bias, &form, layout, role)).collect();
     if quantizers.iter().any(|q| !q.scale.is_finite() || !q.bias.is_finite()) {

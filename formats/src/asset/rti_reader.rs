@@ -104,8 +104,14 @@ fn open(path: &Path) -> Result<RtiFile, FormatError> {
     };
     let quantizers = quantizers(path, numbers)?;
     let hsh = Hsh::with_count(terms).map_err(|e| FormatError::invalid(path, e.to_string()))?;
-    let model =
-        Model { basis: Basis::Hsh(hsh), layout, space: Space::Encoded, lights: Vec::new(), figures: None };
+    let model = Model {
+        basis: Basis::Hsh(hsh),
+        layout,
+        space: Space::Encoded,
+        lights: Vec::new(),
+        figures: None,
+        provenance: None,
+    };
     let pixel_bytes = model.plane_count() as u64;
     let found = file_bytes.saturating_sub(offset as u64);
     planar::check_pixels(path, (width, height), pixel_bytes, found)?;

@@ -127,7 +127,7 @@ fn open(path: &Path, memory_limit: u64) -> Result<WebFolder, FormatError> {
     let quantizers = checked.quantizers(material, planes)?;
     let lights = checked.lights(&description.lights)?;
     let (basis, layout) = checked.functions(&description, material, planes, &lights)?;
-    let model = Model { basis, layout, space: Space::Encoded, lights, figures: None };
+    let model = Model { basis, layout, space: Space::Encoded, lights, figures: None, provenance: None };
     let of_role = |role: usize| {
         let Place { plane, negated } = place_of_role(&model, role);
         let (scale, bias) = quantizers[plane];

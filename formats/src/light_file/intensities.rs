@@ -174,7 +174,14 @@ impl IntensityFile {
                         entries.len()
                     )));
                 }
-                entries
+                // In the order of the light file, whatever that of the capture is.
+                let mut of_pictures = entries.clone();
+                capture
+                    .as_listed()
+                    .into_iter()
+                    .zip(entries)
+                    .for_each(|(picture, entry)| of_pictures[picture] = entry);
+                of_pictures
             }
         };
         // A first number was let pass as a count.

@@ -142,7 +142,8 @@ fn golden_asset() -> Lopsided {
     let basis = Basis::Ptm(Ptm::with_count(6).unwrap());
     let lights = vec![Direction::OUT, Direction::try_from([0.6, 0.0, 0.8]).unwrap()];
     let figures = Some(FitFigures { fit_rmse: 0.25, leave_one_out_rmse: f64::INFINITY });
-    let model = Model { basis, layout: Layout::Lrgb, space: Space::Encoded, lights, figures };
+    let model =
+        Model { basis, layout: Layout::Lrgb, space: Space::Encoded, lights, figures, provenance: None };
     let planes = (0..9).map(|p| vec![p as f32 + 0.5]).collect();
     Lopsided { width: 1, height: 1, model, planes }
 }

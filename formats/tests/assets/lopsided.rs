@@ -71,7 +71,8 @@ pub(crate) fn lopsided(family: &str, count: usize, layout: Layout, size: (usize,
         _ => Family::by_name(family).unwrap().build(&Design::new(count, &lights)).unwrap(),
     };
     let figures = Some(FitFigures { fit_rmse: 0.012_345_678_9, leave_one_out_rmse: 0.1 / 3.0 });
-    let model = Model { basis, layout, space: Space::Encoded, lights: lights.directions(), figures };
+    let lights = lights.directions();
+    let model = Model { basis, layout, space: Space::Encoded, lights, figures, provenance: None };
     let pixels = width * height;
     let value = |plane: usize, pixel: usize| {
         let unit = ((pixel * 7919 + plane * 104_729) % 100_003) as f32 / 100_003.0;

@@ -25,6 +25,7 @@ fn planes_of(pictures: &Pictures, fit: &LearnedFit, level: CpuLevel, span_pixels
         space: Space::Linear,
         lights: Vec::new(),
         figures: None,
+        provenance: None,
     };
     let planes = Mutex::new(vec![vec![0.0; width * height]; model.plane_count()]);
     for_each_span(pictures, fit, level, span_pixels, |span| {
@@ -130,8 +131,14 @@ fn planes_have_the_same_bits_at_every_level_in_any_span_and_with_any_threads() {
 /// The fit's own picture and the planes', at a pixel.
 fn compared(fit: &LeastSquares, planes: &LearnedFit, lights: &[Direction], pictures: &Pictures) -> f64 {
     let layout = if pictures.channels == 3 { Layout::Rgb } else { Layout::Grey };
-    let model =
-        Model { basis: fit.basis.clone(), layout, space: Space::Linear, lights: Vec::new(), figures: None };
+    let model = Model {
+        basis: fit.basis.clone(),
+        layout,
+        space: Space::Linear,
+        lights: Vec::new(),
+        figures: None,
+        provenance: None,
+    };
     let full = fit_map(pictures, fit, model, CpuLevel::detect()).unwrap();
     let shared = planes_of(pictures, planes, CpuLevel::detect(), SPAN);
     let mut worst = 0.0f64;

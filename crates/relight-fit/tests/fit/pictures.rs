@@ -96,7 +96,14 @@ pub(crate) fn basis_of(name: &str, count: usize, lights: &[Direction]) -> Basis 
 }
 
 pub(crate) fn model_of(basis: &Basis, layout: Layout) -> Model {
-    Model { basis: basis.clone(), layout, space: Space::Linear, lights: Vec::new(), figures: None }
+    Model {
+        basis: basis.clone(),
+        layout,
+        space: Space::Linear,
+        lights: Vec::new(),
+        figures: None,
+        provenance: None,
+    }
 }
 
 pub(crate) fn fit_of(

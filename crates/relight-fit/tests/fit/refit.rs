@@ -14,7 +14,7 @@ use std::sync::Mutex;
 const SIZE: (usize, usize) = (37, 5);
 
 fn model_of(basis: Basis, layout: Layout) -> Model {
-    Model { basis, layout, space: Space::Encoded, lights: Vec::new(), figures: None }
+    Model { basis, layout, space: Space::Encoded, lights: Vec::new(), figures: None, provenance: None }
 }
 
 fn functions(family: &str, count: usize) -> Basis {

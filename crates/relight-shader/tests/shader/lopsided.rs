@@ -73,7 +73,7 @@ pub(crate) fn bases(counts: &[usize]) -> Vec<Basis> {
 
 pub(crate) fn model(basis: &Basis, layout: Layout) -> Model {
     let space = if layout == Layout::Grey { Space::Linear } else { Space::Encoded };
-    Model { basis: basis.clone(), layout, space, lights: Vec::new(), figures: None }
+    Model { basis: basis.clone(), layout, space, lights: Vec::new(), figures: None, provenance: None }
 }
 
 /// Distinct by plane, of both signs, and such that no two planes could be swapped unnoticed.

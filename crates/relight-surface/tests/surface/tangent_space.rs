@@ -18,7 +18,7 @@ fn asset(layout: Layout, space: Space, family: &str, count: usize) -> Relighting
         (0..30).map(|i| direction(f64::from(i) * 2.4, 0.05 * f64::from(i))).collect(),
     );
     let basis: Basis = Family::by_name(family).unwrap().build(&Design::new(count, &lights)).unwrap();
-    let model = Model { basis, layout, space, lights: Vec::new(), figures: None };
+    let model = Model { basis, layout, space, lights: Vec::new(), figures: None, provenance: None };
     let mut noise = Noise(3);
     let constant =
         if layout == Layout::Rgb { 3 * (count - 1)..3 * count } else { count - 1..model.plane_count() };
