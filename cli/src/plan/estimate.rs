@@ -27,8 +27,8 @@ const STORED: f64 = 4.0;
 
 /// Megapixels a second that blocks of normal quality take ("What block formats cost").
 const ENCODED: [(BlockFormat, f64); 5] = [
-    (BlockFormat::Bc1, 5.6),
-    (BlockFormat::Bc3, 4.3),
+    (BlockFormat::Bc1, 45.0),
+    (BlockFormat::Bc3, 14.0),
     (BlockFormat::Bc4, 17.0),
     (BlockFormat::Bc6h, 0.52),
     (BlockFormat::Bc7, 0.48),

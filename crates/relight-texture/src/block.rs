@@ -3,6 +3,7 @@
 //! A format is a row of the table below: what it holds, who encodes a row of its blocks and who
 //! decodes a block. Padding, strips and clean values are the same for all (`encode`, `decode`).
 
+mod bc1;
 mod bc4;
 mod bc6h;
 mod coding;
@@ -70,8 +71,8 @@ use TexelDomain::{Signed, Unit};
 /// All formats, in the order of [`BlockFormat`].
 #[rustfmt::skip]
 static FACTS: [Facts; 9] = [
-    facts(BlockFormat::Bc1, "bc1", (3, 8, Unit), (plain::bc1, None), decode::BC1),
-    facts(BlockFormat::Bc3, "bc3", (4, 16, Unit), (plain::bc3, None), decode::BC3),
+    facts(BlockFormat::Bc1, "bc1", (3, 8, Unit), (bc1::bc1, None), decode::BC1),
+    facts(BlockFormat::Bc3, "bc3", (4, 16, Unit), (bc1::bc3, None), decode::BC3),
     facts(BlockFormat::Bc4, "bc4", (1, 8, Unit), (bc4::bc4, None), decode::BC4),
     facts(BlockFormat::Bc4Signed, "bc4s", (1, 8, Signed), (bc4::bc4_signed, None), decode::BC4_SIGNED),
     facts(BlockFormat::Bc5, "bc5", (2, 16, Unit), (bc4::bc5, None), decode::BC5),

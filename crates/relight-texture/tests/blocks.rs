@@ -177,6 +177,7 @@ fn a_smooth_map_is_coded_as_well_as_it_was_and_more_time_is_never_worse() {
                 let blocks = encoded(format, BlockCoding { quality, encoder }, &texels, width);
                 let reached = psnr(&decoded(format, &blocks, width, height), &texels, peak);
                 let what = format!("{format:?} {quality:?} {encoder:?}");
+                println!("{what}: {reached:.2} dB");
                 // Intel's BC6H looks at the bits of halves, not at q.
                 let (floor, slack) =
                     if encoder == Encoder::Ispc { (floor - 3.0, 0.2) } else { (floor, 0.05) };
@@ -400,8 +401,8 @@ fn bytes_of(format: BlockFormat) -> [u64; 3] {
 fn portable_bytes_are_the_same_on_every_machine() {
     let found: Vec<_> = BlockFormat::all().map(|format| (format.name(), bytes_of(format))).collect();
     let golden = [
-        ("bc1", [0xdd8b_ccd6_ab8b_2e37, 0xacff_ee30_f34b_919b, 0x8868_0ef8_11da_766b]),
-        ("bc3", [0x82e9_10e5_39e3_ce8b, 0x7470_85c9_df38_7330, 0x00db_8236_3f36_abb0]),
+        ("bc1", [0xac2e_c1f7_da3d_419a, 0x9212_ec42_e120_cc20, 0x1fbd_88f7_9e92_d963]),
+        ("bc3", [0xa219_f498_3f3a_0356, 0x2dd4_1513_ce27_0a7f, 0x4930_7d28_154f_7ecc]),
         ("bc4", [0xc4a1_16c8_5850_a93e, 0x922f_8250_79c2_7bf4, 0xb19b_ea04_db55_c25b]),
         ("bc4s", [0x0b35_5861_f358_cda3, 0xbf20_f8b1_49b7_d52e, 0xd020_57c4_2bdc_8e98]),
         ("bc5", [0xf7fa_fd3e_6b6d_709f, 0x0f31_2b5e_4d30_8a27, 0x9218_7907_ee36_2170]),

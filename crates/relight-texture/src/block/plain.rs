@@ -3,7 +3,7 @@
 //! plain sum of squares over channels, without dithering. BC7 is made from codes of 8 bits.
 
 use super::encode::BlockRow;
-use super::{BlockCoding, Quality, bc4};
+use super::{BlockCoding, Quality};
 use dds::{ColorFormat, CompressionQuality, Dithering, EncodeOptions, ErrorMetric, Format, ImageView, Size};
 
 /// Encodes by `dds`; `texels` hold the channels of `color`.
@@ -31,20 +31,6 @@ fn quality(coding: BlockCoding) -> CompressionQuality {
         Quality::Normal => CompressionQuality::Normal,
         Quality::High => CompressionQuality::High,
         Quality::Best => CompressionQuality::Unreasonable,
-    }
-}
-
-pub(super) fn bc1(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    encode(Format::BC1_UNORM, ColorFormat::RGB_F32, row.texels, row.width, quality(coding), out);
-}
-
-pub(super) fn bc3(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    let colors: Vec<f32> =
-        row.texels.chunks_exact(4).flat_map(|texel| [texel[0], texel[1], texel[2]]).collect();
-    encode(Format::BC3_UNORM, ColorFormat::RGB_F32, &colors, row.width, quality(coding), out);
-    for (texels, block) in row.blocks::<64>().zip(out.chunks_exact_mut(16)) {
-        let fourth = std::array::from_fn(|i| texels[4 * i + 3]);
-        block[..8].copy_from_slice(&bc4::encode(fourth, false, coding.quality));
     }
 }
 
