@@ -31,7 +31,7 @@ const ENCODED: [(BlockFormat, f64); 5] = [
     (BlockFormat::Bc3, 14.0),
     (BlockFormat::Bc4, 17.0),
     (BlockFormat::Bc6h, 0.52),
-    (BlockFormat::Bc7, 0.48),
+    (BlockFormat::Bc7, 5.0),
 ];
 
 /// Of those that the table lacks, which are pairs of BC4.

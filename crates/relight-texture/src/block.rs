@@ -6,11 +6,12 @@
 mod bc1;
 mod bc4;
 mod bc6h;
+mod bc7;
 mod coding;
 mod decode;
 mod encode;
 mod foreign;
-mod plain;
+mod side_by_side;
 
 pub use coding::{BlockCoding, Encoder, Quality};
 pub use decode::{decode_blocks, decode_channel};
@@ -79,7 +80,7 @@ static FACTS: [Facts; 9] = [
     facts(BlockFormat::Bc5Signed, "bc5s", (2, 16, Signed), (bc4::bc5_signed, None), decode::BC5_SIGNED),
     facts(BlockFormat::Bc6h, "bc6h", (3, 16, Unit), (bc6h::unsigned, foreign::BC6H), decode::BC6H),
     facts(BlockFormat::Bc6hSigned, "bc6hs", (3, 16, Signed), (bc6h::signed, None), decode::BC6H_SIGNED),
-    facts(BlockFormat::Bc7, "bc7", (3, 16, Unit), (plain::bc7, foreign::BC7), decode::BC7),
+    facts(BlockFormat::Bc7, "bc7", (3, 16, Unit), (bc7::bc7, foreign::BC7), decode::BC7),
 ];
 
 impl BlockFormat {

@@ -161,7 +161,7 @@ fn floors(format: BlockFormat) -> [f64; 4] {
         BlockFormat::Bc5Signed => [55.3, 56.9, 58.6, 58.9],
         BlockFormat::Bc6h => [46.1, 49.8, 49.9, 49.9],
         BlockFormat::Bc6hSigned => [44.7, 46.4, 46.5, 46.5],
-        BlockFormat::Bc7 => [46.3, 49.6, 50.2, 50.3],
+        BlockFormat::Bc7 => [47.9, 49.9, 50.2, 50.3],
     }
 }
 
@@ -409,7 +409,7 @@ fn portable_bytes_are_the_same_on_every_machine() {
         ("bc5s", [0x31e9_e49f_235d_14ed, 0x24b8_483c_e6bc_5a47, 0x5462_afb9_b0c0_005b]),
         ("bc6h", [0x6c66_e567_f495_648b, 0xffd3_4e94_2ef9_8c2f, 0xdcaf_8313_c119_aec7]),
         ("bc6hs", [0x90e1_0ff5_fb2f_1d04, 0x4a94_6a09_a4cf_4dac, 0x9301_cb6d_b469_0c8d]),
-        ("bc7", [0xe317_38bf_8c1d_3d3b, 0x765d_29e9_2371_1892, 0xa742_7bb1_c0a0_3412]),
+        ("bc7", [0xd6ff_328c_2bae_a31a]),
     ];
     assert_eq!(found, golden, "an encoder changed, or depends on the machine: {found:#x?}");
 }

@@ -8,16 +8,9 @@
 #![expect(clippy::needless_range_loop, reason = "a lane of several rows at once")]
 
 use super::encode::BlockRow;
+use super::side_by_side::{Ends, LANES, Lanes, TEXELS, Texels, gather, limited, nearest, principal_axis};
 use super::{BlockCoding, Quality, bc4};
 use relight_core::{CpuLevel, Vectorized};
-
-/// Blocks side by side.
-const LANES: usize = 16;
-
-type Lanes = [f32; LANES];
-
-/// Texels of a block.
-const TEXELS: usize = 16;
 
 /// The largest code of each channel.
 const MOST: [f32; 3] = [31.0, 63.0, 31.0];
@@ -58,19 +51,9 @@ pub(super) fn bc3(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
 /// Puts the colours of a row of blocks at `offset` of blocks of `BYTES`.
 fn encode<const BYTES: usize>(row: &BlockRow<'_>, effort: &Effort, offset: usize, out: &mut [u8]) {
     let level = CpuLevel::detect();
-    let stride = row.width * row.channels;
     let mut texels = [[[0.0; LANES]; 3]; TEXELS];
     for (index, out) in out.chunks_mut(LANES * BYTES).enumerate() {
-        let count = out.len() / BYTES;
-        for (texel, values) in texels.iter_mut().enumerate() {
-            let first = texel / 4 * stride + (index * LANES * 4 + texel % 4) * row.channels;
-            for lane in 0..count {
-                let at = first + lane * 4 * row.channels;
-                for (values, value) in values.iter_mut().zip(&row.texels[at..at + 3]) {
-                    values[lane] = *value;
-                }
-            }
-        }
+        gather(row, index, out.len() / BYTES, 1.0, &mut texels);
         let found = level.run(Blocks { texels: &texels, effort });
         for (lane, block) in out.chunks_exact_mut(BYTES).enumerate() {
             block[offset..offset + 8].copy_from_slice(&found.block(lane));
@@ -80,12 +63,9 @@ fn encode<const BYTES: usize>(row: &BlockRow<'_>, effort: &Effort, offset: usize
 
 struct Blocks<'a> {
     /// By texel and channel, 0..1.
-    texels: &'a [[Lanes; 3]; TEXELS],
+    texels: &'a Texels,
     effort: &'a Effort,
 }
-
-/// Two colours of each block.
-type Ends = [[Lanes; 3]; 2];
 
 /// The best of each block.
 struct Found {
@@ -106,19 +86,6 @@ struct Sums {
     squares: Lanes,
     /// By channel: of steps times texels.
     products: [Lanes; 3],
-}
-
-/// The nearest integer, for magnitudes below 2^22, in two additions.
-#[inline(always)]
-fn nearest(value: f32) -> f32 {
-    (value + 12_582_912.0) - 12_582_912.0
-}
-
-/// Between 0 and `most`, without `clamp`'s care for NaN.
-#[inline(always)]
-fn limited(value: f32, most: f32) -> f32 {
-    let low = if value > 0.0 { value } else { 0.0 };
-    if low < most { low } else { most }
 }
 
 impl Vectorized for Blocks<'_> {
@@ -162,7 +129,7 @@ impl Vectorized for Blocks<'_> {
 }
 
 impl Blocks<'_> {
-    /// The principal axis of each block, about as long as 1; 0 where all texels are the same.
+    /// As of [`principal_axis`].
     #[inline(always)]
     fn axis(&self, totals: &[Lanes; 3]) -> [Lanes; 3] {
         // xx, xy, xz, yy, yz, zz.
@@ -180,30 +147,7 @@ impl Blocks<'_> {
                 moments[5][i] += z * z;
             }
         }
-        let mut axis = [[0.0; LANES]; 3];
-        for i in 0..LANES {
-            let [xx, xy, xz, yy, yz, zz] =
-                [moments[0][i], moments[1][i], moments[2][i], moments[3][i], moments[4][i], moments[5][i]];
-            // From the channel that varies most.
-            let x_first = xx >= yy && xx >= zz;
-            let y_first = yy >= zz;
-            let rest = if y_first { [xy, yy, yz] } else { [xz, yz, zz] };
-            let mut v = if x_first { [xx, xy, xz] } else { rest };
-            for _ in 0..4 {
-                let [a, b, c] = [v[0].abs(), v[1].abs(), v[2].abs()];
-                let ab = if a > b { a } else { b };
-                let most = if ab > c { ab } else { c };
-                let scale = 1.0 / (most + f32::MIN_POSITIVE);
-                let [x, y, z] = [v[0] * scale, v[1] * scale, v[2] * scale];
-                v = [xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z];
-            }
-            let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-            let inverse = if length > 1e-18 { 1.0 / length } else { 0.0 };
-            axis[0][i] = v[0] * inverse;
-            axis[1][i] = v[1] * inverse;
-            axis[2][i] = v[2] * inverse;
-        }
-        axis
+        principal_axis(&moments)
     }
 
     /// The least and the largest place of texels along the axis, from the mean.
@@ -442,42 +386,7 @@ impl Found {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Numbers that look random and are always the same, 0..1.
-    struct Random(u32);
-
-    impl Random {
-        fn next(&mut self) -> f32 {
-            self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (self.0 >> 8) as f32 / (1 << 24) as f32
-        }
-    }
-
-    /// A row of blocks: smooth, noisy, of two colours, of three, grey, and constant ones.
-    fn row(blocks: usize) -> Vec<f32> {
-        let mut random = Random(5);
-        let mut texels = vec![0.0; 4 * 4 * blocks * 3];
-        for block in 0..blocks {
-            let mut color = || [random.next(), random.next(), random.next()];
-            let (a, b) = (color(), color());
-            for texel in 0..TEXELS {
-                let t = match block % 6 {
-                    0 => (texel % 4 + texel / 4) as f32 / 6.0,
-                    1 => random.next(),
-                    2 => (texel % 2) as f32,
-                    3 => (texel % 3) as f32 / 2.0,
-                    4 => random.next().round(),
-                    _ => 0.0,
-                };
-                for c in 0..3 {
-                    let noise = if block % 6 == 1 { 0.1 * random.next() } else { 0.0 };
-                    let value = (a[c] + t * (b[c] - a[c]) + noise).clamp(0.0, 1.0);
-                    texels[(texel / 4 * 4 * blocks + 4 * block + texel % 4) * 3 + c] = value;
-                }
-            }
-        }
-        texels
-    }
+    use crate::block::side_by_side::tests::row;
 
     /// As the format says it, without rounding: BC1's colours of a block, R, G, B.
     fn decoded(block: &[u8]) -> [[f32; 3]; TEXELS] {
