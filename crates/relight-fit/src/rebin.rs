@@ -147,9 +147,15 @@ pub fn for_each_span_within<'a, E: From<FitError> + Send>(
     assert!(within.end <= stack.pixels(), "the pixels leave the picture");
     let fitting = Fitting::new(stack, fit.into(), level)?;
     let spans = within.len().div_ceil(span_pixels);
-    (0..spans).into_par_iter().try_for_each_init(Scratch::default, |scratch, span| {
+    // As many as threads at once, handed on: made anew for every few spans, half of a refit's time went into their pages.
+    let idle = Mutex::new(Vec::<Scratch>::new());
+    let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
+    (0..spans).into_par_iter().try_for_each(|span| {
+        let mut scratch = idle().pop().unwrap_or_default();
         let first = within.start + span * span_pixels;
-        consume(&scratch.fit(&fitting, first, span_pixels.min(within.end - first))?)
+        consume(&scratch.fit(&fitting, first, span_pixels.min(within.end - first))?)?;
+        idle().push(scratch);
+        Ok(())
     })
 }
 

@@ -61,10 +61,21 @@ pub struct Packer {
     order: Vec<(usize, usize)>,
     /// Where there are blocks.
     feedback: Option<Feedback>,
+    /// Of threads that are between runs.
+    idle: Mutex<Vec<FeedbackScratch>>,
     written: AtomicUsize,
     errors: StoringErrors,
     /// Level 1, where there is one, channels interleaved as in the spans.
     halved: Option<Mutex<Vec<Vec<f32>>>>,
+}
+
+/// What errors are handed on in.
+#[derive(Default)]
+struct FeedbackScratch {
+    /// By plane.
+    errors: Vec<f32>,
+    /// By plane of a layer, what it is given to store.
+    given: Vec<f32>,
 }
 
 /// Pixels of a run such that [`Packer::write`] takes it: whole rows of blocks where the packing
@@ -135,6 +146,7 @@ impl Packer {
             coding,
             order,
             feedback,
+            idle: Mutex::default(),
             written: AtomicUsize::new(0),
             errors,
             halved,
@@ -250,8 +262,10 @@ impl Packer {
             return Ok(told);
         };
         let pixels = run.pixels;
-        let mut errors = vec![0.0; run.planes.len() * pixels];
-        let mut given = Vec::new();
+        let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let FeedbackScratch { mut errors, mut given } = idle().pop().unwrap_or_default();
+        // Layers write theirs before later ones read them.
+        errors.resize(run.planes.len() * pixels, 0.0);
         for layer in self.layers(level) {
             let planes = &layer.plan.planes;
             given.clear();
@@ -276,6 +290,7 @@ impl Packer {
                 told[plane].add(run.first, errors.iter().copied());
             }
         }
+        idle().push(FeedbackScratch { errors, given });
         Ok(told)
     }
 

@@ -2,7 +2,7 @@
 
 use super::FACTS;
 
-/// How much time blocks may take: a step up to `High` costs two to four times the former one.
+/// How much time blocks may take: a step up costs two to eight times the former one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Quality {
     /// For trying things out.
@@ -12,8 +12,7 @@ pub enum Quality {
     Normal,
     /// For a release.
     High,
-    /// The last tenth of a decibel, at four times the cost of `High`; BC7 takes two minutes of CPU a
-    /// megapixel.
+    /// The last tenth of a decibel, at four to eight times the cost of `High`.
     Best,
 }
 
@@ -23,7 +22,7 @@ pub enum Encoder {
     /// The same bytes on every machine.
     #[default]
     Portable,
-    /// Prebuilt ISPC kernels for BC7 (bc7e) and BC6H (Intel), faster. Their arithmetic depends on
+    /// Prebuilt ISPC kernels for BC7 (bc7e) and BC6H (Intel), which is faster by them. Their arithmetic depends on
     /// the processor, so bytes may too. Formats without a kernel are encoded as by `Portable`.
     Ispc,
 }
