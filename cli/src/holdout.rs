@@ -1,5 +1,6 @@
 //! Which pictures are left out of a fit to judge it.
 
+use relight_core::SplitMix64;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -44,10 +45,10 @@ impl Holdout {
             Self::Every(n) => (n / 2..count).step_by(n).collect(),
             Self::Random { count: drawn, seed } => {
                 let mut order: Vec<usize> = (0..count).collect();
-                let mut state = seed;
+                let mut random = SplitMix64::new(seed);
                 for i in 0..drawn.min(count) {
                     let rest = (count - i) as u64;
-                    order.swap(i, i + (split_mix(&mut state) % rest) as usize);
+                    order.swap(i, i + (random.bits() % rest) as usize);
                 }
                 order.truncate(drawn.min(count));
                 order.sort_unstable();
@@ -56,15 +57,6 @@ impl Holdout {
             Self::File(_) => Vec::new(),
         }
     }
-}
-
-/// The next number of Vigna's SplitMix64.
-pub(crate) fn split_mix(state: &mut u64) -> u64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

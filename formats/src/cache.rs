@@ -15,7 +15,7 @@ use crate::{FormatError, create_folder, write_whole};
 use sealed::Seal;
 use serde::{Deserialize, Serialize};
 use std::fs;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -25,6 +25,12 @@ const TAG: &str = "CACHEDIR.TAG";
 /// What stands in it.
 const TAG_TEXT: &str =
     "Signature: 8a477f597d28d172789f06886806bc55\n# Fits of relight. Anything here may be deleted.\n";
+
+/// The file of what was added since the folder was looked through: bytes in 8 bytes each, little-endian, the first what was there then.
+const SIZES: &str = "sizes";
+
+/// Most numbers in it: then the folder is looked through anew, once for so many fits rather than for each of thousands.
+const MOST_SIZES: u64 = 1024;
 
 /// The largest record of a made asset that is read.
 const LARGEST_MADE: u64 = 16 << 20;
@@ -69,6 +75,7 @@ impl Cache {
         if !tag.exists() {
             write_whole(&tag, TAG_TEXT.as_bytes())?;
         }
+        remove_all_strays(folder);
         Ok(Self { folder: folder.to_owned(), limit })
     }
 
@@ -100,6 +107,22 @@ impl Cache {
         write_whole(&self.made_path(key), &seal.close(made))
     }
 
+    /// Says that `bytes` were added; where that may be more than the limit, [evicts](Self::evict). Gives the bytes that went.
+    ///
+    /// Sizes that other processes add at the same moment may be forgotten, until the folder is looked through again.
+    pub fn grown_by(&self, bytes: u64) -> u64 {
+        let path = self.folder.join(SIZES);
+        let known = read_within(&path, 8 * MOST_SIZES).filter(|sizes| !sizes.is_empty());
+        let (sizes, odd) = known.as_deref().unwrap_or_default().as_chunks::<8>();
+        let total = sizes.iter().fold(bytes, |sum, size| sum.saturating_add(u64::from_le_bytes(*size)));
+        let added = || {
+            let file = fs::File::options().append(true).open(&path);
+            file.and_then(|mut file| file.write_all(&bytes.to_le_bytes())).is_ok()
+        };
+        let is_known = !sizes.is_empty() && odd.is_empty();
+        if is_known && total <= self.limit && added() { 0 } else { self.evict() }
+    }
+
     /// Removes what was not used for longest until the cache is within its limit; gives the bytes that it removed.
     /// What can't be removed stays. What killed runs left goes too.
     pub fn evict(&self) -> u64 {
@@ -123,6 +146,8 @@ impl Cache {
             };
             removed += if gone.is_ok() { entry.bytes } else { 0 };
         }
+        // Where it can't be written the next fit looks again.
+        drop(write_whole(&self.folder.join(SIZES), &(total - removed).to_le_bytes()));
         removed
     }
 
@@ -211,5 +236,36 @@ mod tests {
         assert_eq!(cache.evict(), 1000);
         assert_eq!(keys.map(|key| cache.made_path(&key).exists()), [false, true, true]);
         assert_eq!(cache.evict(), 0);
+    }
+
+    #[test]
+    fn a_cache_is_looked_through_where_it_may_have_outgrown_its_limit() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::open(folder.path(), 2500).unwrap();
+        let keep = |key: u8, bytes: u64| {
+            cache.keep_made(&[key; 32], &Made::default()).unwrap();
+            let path = cache.made_path(&[key; 32]);
+            let file = fs::File::options().append(true).open(&path).unwrap();
+            file.set_len(bytes).unwrap();
+            file.set_modified(SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(key.into())).unwrap();
+        };
+        let sizes = folder.path().join(SIZES);
+        let numbers = || -> Vec<u64> {
+            let bytes = fs::read(&sizes).unwrap();
+            bytes.as_chunks::<8>().0.iter().map(|size| u64::from_le_bytes(*size)).collect()
+        };
+        keep(1, 1000);
+        assert_eq!((cache.grown_by(1000), numbers()), (0, vec![1000]));
+        keep(2, 1000);
+        assert_eq!((cache.grown_by(1000), numbers()), (0, vec![1000, 1000]));
+        keep(3, 1000);
+        assert_eq!((cache.grown_by(1000), numbers()), (1000, vec![2000]));
+        // Odd sizes, none, more than are read, a size that is too large: looked through and written anew.
+        for odd in [&[1, 2, 3][..], &[], &[0; 8 * 1025], &[255; 8]] {
+            fs::write(&sizes, odd).unwrap();
+            assert_eq!((cache.grown_by(0), numbers()), (0, vec![2000]));
+        }
+        fs::remove_file(&sizes).unwrap();
+        assert_eq!((cache.grown_by(0), numbers()), (0, vec![2000]));
     }
 }

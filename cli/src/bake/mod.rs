@@ -37,7 +37,7 @@ use relight_core::{Space, Stack};
 use relight_fit::{LevelledStack, NearLamps};
 use relight_formats::{
     AssetPositions, Cache, FitFolder, MadeFile, OpenCapture, PictureStack, ScratchFolder, StackSettings,
-    TileStack, hexadecimal, tree_hash,
+    TileStack, bytes_on_disk, hexadecimal, tree_hash,
 };
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -317,9 +317,8 @@ pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result
     }
     if let Keeping::In(Some(cache)) = &keeping {
         remember(cache, &job, &files);
-        // A cache is looked through where it has grown.
-        if cache_use.is_some_and(|used| used.fitted > 0) {
-            cache.evict();
+        if let Some(keeper) = keeper.as_ref().filter(|keeper| keeper.counts.fitted > 0) {
+            cache.grown_by(bytes_on_disk(keeper.folder.path()));
         }
     }
     Ok(())

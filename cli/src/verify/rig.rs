@@ -2,10 +2,10 @@
 
 use super::VerifyArguments;
 use crate::failure::{Exit, Failure};
-use crate::holdout::split_mix;
 use crate::options::Machine;
 use crate::say::{self, say};
 use crate::{interrupt, progress};
+use relight_core::SplitMix64;
 use relight_core::vectors::{dot, scaled, unit, wide};
 use relight_formats::read_rig;
 use relight_gpu::{Gpu, RigBound, RigUnderLights, SphereSight};
@@ -60,7 +60,7 @@ pub(super) fn run(arguments: &VerifyArguments, machine: &Machine) -> Result<(), 
     let sets = usize::from(arguments.count);
     let bar = progress::bar("verifying", rig.parts.len() * sets + 1);
     let mut comparisons = Vec::new();
-    let mut state = 1;
+    let mut random = SplitMix64::new(1);
     for part in &rig.parts {
         let mut of_part = Comparison::of(match &part.name[..] {
             "" => format!("{} at points of the mesh", part.model.text()),
@@ -68,13 +68,13 @@ pub(super) fn run(arguments: &VerifyArguments, machine: &Machine) -> Result<(), 
         });
         for _ in 0..sets {
             interrupt::check()?;
-            of_part.add_rig(&gpu, part, rig.bands, arguments.tolerance, &mut state)?;
+            of_part.add_rig(&gpu, part, rig.bands, arguments.tolerance, &mut random)?;
             bar.inc(1);
         }
         comparisons.push(of_part);
     }
     let mut of_spheres = Comparison::of("sphere lights, exact".to_owned());
-    of_spheres.add_spheres(&gpu, &rig.parts[0], rig.bands, arguments.tolerance, &mut state)?;
+    of_spheres.add_spheres(&gpu, &rig.parts[0], rig.bands, arguments.tolerance, &mut random)?;
     comparisons.push(of_spheres);
     bar.finish_and_clear();
     if arguments.json {
@@ -124,12 +124,12 @@ impl Comparison {
         part: &RigPart,
         bands: usize,
         tolerance: Option<f64>,
-        state: &mut u64,
+        random: &mut SplitMix64,
     ) -> Result<(), Failure> {
         let (model, frame) = (&part.model, &part.frame);
         let count = model.parameters().len() * bands * bands;
         let coefficients: Vec<[f32; 3]> =
-            (0..count).map(|_| [(); 3].map(|()| random(state) as f32)).collect();
+            (0..count).map(|_| [(); 3].map(|()| either_side(random) as f32)).collect();
         let floats = |v: [f64; 3]| v.map(|c| c as f32);
         let points: Vec<_> =
             part.surface.iter().map(|point| (floats(point.position), floats(point.normal))).collect();
@@ -154,9 +154,9 @@ impl Comparison {
         part: &RigPart,
         bands: usize,
         tolerance: Option<f64>,
-        state: &mut u64,
+        random: &mut SplitMix64,
     ) -> Result<(), Failure> {
-        let sights: Vec<_> = (0..SIGHTS).map(|i| sight(i, state)).collect();
+        let sights: Vec<_> = (0..SIGHTS).map(|i| sight(i, random)).collect();
         let lit = RigUnderLights { model: &part.model, frame: &part.frame, bands, coefficients: &[] };
         let drawn = lit.sphere_reflectance(gpu, &sights)?;
         for (index, (sight, drawn)) in sights.iter().zip(drawn).enumerate() {
@@ -203,14 +203,14 @@ impl Comparison {
 }
 
 /// -1 to 1.
-fn random(state: &mut u64) -> f64 {
-    (split_mix(state) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+fn either_side(random: &mut SplitMix64) -> f64 {
+    2.0 * random.unit() - 1.0
 }
 
 /// A unit vector.
-fn direction(state: &mut u64) -> [f64; 3] {
+fn direction(random: &mut SplitMix64) -> [f64; 3] {
     loop {
-        let vector = [(); 3].map(|()| random(state));
+        let vector = [(); 3].map(|()| either_side(random));
         if let (Some(direction), 0.01..1.0) = (unit(vector), dot(vector, vector)) {
             return direction;
         }
@@ -218,17 +218,17 @@ fn direction(state: &mut u64) -> [f64; 3] {
 }
 
 /// A light of one of [`SINES`], at most 1.2 of its half angles from the horizon, above or below; one in five anywhere (which shares no factor with how many there are).
-fn sight(i: usize, state: &mut u64) -> SphereSight {
+fn sight(i: usize, random: &mut SplitMix64) -> SphereSight {
     let sine = SINES[i % SINES.len()];
-    let (normal, aside) = (direction(state), direction(state));
-    let height = random(state) * if i.is_multiple_of(5) { 1.0 } else { (1.2 * sine).min(1.0) };
+    let (normal, aside) = (direction(random), direction(random));
+    let height = either_side(random) * if i.is_multiple_of(5) { 1.0 } else { (1.2 * sine).min(1.0) };
     let along = dot(normal, aside);
     let level = [0, 1, 2].map(|c| aside[c] - along * normal[c]);
     let level = unit(level).unwrap_or(aside);
     let flat = (1.0 - height * height).sqrt();
-    let distance = 2.0 + random(state);
+    let distance = 2.0 + either_side(random);
     let to_centre = [0, 1, 2].map(|c| distance * (flat * level[c] + height * normal[c]));
-    let position = scaled(direction(state), 0.5);
+    let position = scaled(direction(random), 0.5);
     SphereSight {
         position: position.map(|c| c as f32),
         normal: normal.map(|c| c as f32),

@@ -22,6 +22,7 @@ pub mod metrics;
 mod model;
 mod position_map;
 mod provenance;
+mod random;
 pub mod relighter;
 pub mod sphere;
 mod stack;
@@ -42,6 +43,7 @@ pub use maps::{CoefficientMap, CoefficientRange, CoefficientSpan, RelightingMap,
 pub use model::{FitFigures, Layout, Model, PlaneRole, Space};
 pub use position_map::{DepthError, DepthKind, DepthMap, NO_SURFACE, PointKind, PositionMap, SKY};
 pub use provenance::{PictureRecord, Provenance};
+pub use random::SplitMix64;
 pub use stack::{Stack, StackError, StackRows};
 pub use transfer::{LUMINANCE, linear_from_srgb, luminance, srgb_from_linear};
 pub use unit_values::unit_values_from_codes;

@@ -3,6 +3,7 @@
 use crate::row_products::{dot, product, product_with_transposed};
 use crate::singular_values::SingularValues;
 use nalgebra::DMatrix;
+use relight_core::SplitMix64;
 
 /// Vectors beyond those wanted: the iteration converges by the ratio of the first eigenvalue left out to the
 /// last wanted.
@@ -26,15 +27,8 @@ pub(crate) struct Principal {
 pub(crate) fn principal(matrix: &[f64], width: usize, count: usize) -> Principal {
     let kept = count.min(width);
     let size = (kept + MORE).min(width);
-    let mut state = 0x9e37_79b9_7f4a_7c15u64;
-    let mut next = || {
-        // Steele, Lea, Flood, 2014: splitmix64.
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    };
-    let mut rows: Vec<f64> = (0..size * width).map(|_| next()).collect();
+    let mut random = SplitMix64::new(0x9e37_79b9_7f4a_7c15);
+    let mut rows: Vec<f64> = (0..size * width).map(|_| 2.0 * random.unit() - 1.0).collect();
     orthonormalize(&mut rows, width);
     for _ in 0..ROUNDS {
         rows = product(&rows, matrix, width);

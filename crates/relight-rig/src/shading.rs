@@ -202,9 +202,9 @@ mod tests {
 
     #[test]
     fn many_points_are_lit_as_one_at_a_time_at_every_level() {
-        let mut random = crate::surface::Random { state: 3 };
+        let mut random = relight_core::SplitMix64::new(3);
         // A length that leaves lanes over, coordinates outside the box among them.
-        let mut number = |_| 2.6 * random.next() - 1.3;
+        let mut number = |_| 2.6 * random.unit() - 1.3;
         let points: Vec<[f64; 3]> = (0..150).map(|_| [0, 1, 2].map(&mut number)).collect();
         let normals: Vec<[f64; 3]> =
             (0..150).map(|_| relight_core::vectors::unit([0, 1, 2].map(&mut number)).unwrap()).collect();

@@ -2,6 +2,7 @@
 
 use crate::{Frame, RigError, SurfacePoint};
 use rayon::prelude::*;
+use relight_core::SplitMix64;
 use relight_core::vectors::{cross, difference, dot, length, scaled, unit, wide};
 
 /// Triangles of a part, in the mesh's axes.
@@ -73,16 +74,16 @@ impl Surface<'_> {
         if area == 0.0 {
             return Ok(self.vertices(count));
         }
-        let mut random = Random { state: seed };
+        let mut random = SplitMix64::new(seed);
         let mut triangle = 0;
         let points = (0..count).map(|share| {
-            let at = (share as f64 + random.next()) / count as f64 * area;
+            let at = (share as f64 + random.unit()) / count as f64 * area;
             while areas[triangle] <= at && triangle + 1 < areas.len() {
                 triangle += 1;
             }
             // A uniform point of a triangle: Shirley and Chiu's square to triangle.
-            let root = random.next().sqrt();
-            let across = random.next();
+            let root = random.unit().sqrt();
+            let across = random.unit();
             self.point(self.triangles[triangle], [1.0 - root, root * (1.0 - across), root * across])
         });
         Ok(points.collect())
@@ -221,23 +222,4 @@ fn far_apart(candidates: &[SurfacePoint], count: usize) -> Vec<usize> {
 fn square(a: [f64; 3], b: [f64; 3]) -> f64 {
     let d = difference(a, b);
     dot(d, d)
-}
-
-/// Numbers that look random, the same ones for a seed.
-///
-/// Source: Steele, Lea and Flood, *Fast Splittable Pseudorandom Number Generators* (SplitMix64), OOPSLA 2014.
-pub(crate) struct Random {
-    /// Any number.
-    pub(crate) state: u64,
-}
-
-impl Random {
-    /// From 0 up to 1, 1 excluded.
-    pub(crate) fn next(&mut self) -> f64 {
-        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.state;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((bits ^ (bits >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
 }

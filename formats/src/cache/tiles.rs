@@ -14,6 +14,7 @@ use std::fs::{self, File};
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The file of what a fit found.
 pub(super) const FACTS: &str = "facts";
@@ -290,6 +291,8 @@ pub struct TileStack {
     grid: TileGrid,
     folder: PathBuf,
     files: Vec<File>,
+    /// Buffers of rows that are no more, for the next ones.
+    idle: Mutex<Vec<Vec<f32>>>,
 }
 
 impl TileStack {
@@ -306,7 +309,19 @@ impl TileStack {
     ) -> Option<Self> {
         assert_eq!((width * height, grid.count()), (grid.pixels, tiles.files.len()), "a grid of the picture");
         let files = tiles.files.into_iter().collect::<Option<Vec<_>>>()?;
-        Some(Self { width, height, planes, grid, folder: folder.folder.clone(), files })
+        Some(Self {
+            width,
+            height,
+            planes,
+            grid,
+            folder: folder.folder.clone(),
+            files,
+            idle: Mutex::default(),
+        })
+    }
+
+    fn idle(&self) -> MutexGuard<'_, Vec<Vec<f32>>> {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -330,7 +345,8 @@ impl Stack for TileStack {
     fn rows(&self, samples: Range<usize>) -> Result<Box<dyn StackRows + '_>, StackError> {
         assert!(samples.end <= self.pixels(), "the samples leave the planes");
         let count = samples.len();
-        let mut values = vec![0.0f32; self.planes * count];
+        let mut values = self.idle().pop().unwrap_or_default();
+        values.resize(self.planes * count, 0.0);
         let mut at = samples.start;
         while at < samples.end {
             let tile = at / self.grid.tile;
@@ -346,16 +362,23 @@ impl Stack for TileStack {
             }
             at += run;
         }
-        Ok(Box::new(TileRows { values, count }))
+        Ok(Box::new(TileRows { stack: self, values, count }))
     }
 }
 
-struct TileRows {
+struct TileRows<'a> {
+    stack: &'a TileStack,
     values: Vec<f32>,
     count: usize,
 }
 
-impl StackRows for TileRows {
+impl Drop for TileRows<'_> {
+    fn drop(&mut self) {
+        self.stack.idle().push(std::mem::take(&mut self.values));
+    }
+}
+
+impl StackRows for TileRows<'_> {
     fn copy(&self, plane: usize, first: usize, out: &mut [f32]) {
         out.copy_from_slice(&self.values[plane * self.count..][..self.count][first..][..out.len()]);
     }
