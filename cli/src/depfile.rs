@@ -54,6 +54,25 @@ impl BuildOptions {
         self.job_file = Some(path);
     }
 
+    /// Fails where one of these is given to `command`, which makes no asset.
+    ///
+    /// # Errors
+    /// Exit code 2.
+    pub(crate) fn refuse(&self, command: &str) -> Result<(), Failure> {
+        let given = [("--depfile", self.depfile.is_some()), ("--dry-run", self.dry_run)];
+        match given.iter().find(|(_, given)| *given) {
+            Some((flag, _)) => {
+                Err(Failure::usage(format!("{flag} is of relight bake; relight {command} makes no asset")))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// The job file that the arguments come from.
+    pub(crate) fn job_file(&self) -> Option<&PathBuf> {
+        self.job_file.as_ref()
+    }
+
     /// Whether nothing is to be written.
     pub(crate) fn is_dry_run(&self) -> bool {
         self.dry_run

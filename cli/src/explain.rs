@@ -73,7 +73,9 @@ pub(crate) fn run(arguments: &ExplainArguments) -> Result<(), Failure> {
         );
     }
     match arguments.exit_code && !differences.is_empty() {
-        true => Err(Failure::new(Exit::CheckFailed, format!("{} components differ", differences.len()))),
+        true => {
+            Err(Failure::new(Exit::CheckFailed, format!("components that differ: {}", differences.len())))
+        }
         false => Ok(()),
     }
 }
@@ -83,7 +85,8 @@ impl ExplainArguments {
         let refused = |problem: String| Failure::new(Exit::BadInput, format!("{}: {problem}", of.display()));
         if let (Some(text), false) = (of.to_str(), of.exists()) {
             let key = key_from(text).ok_or_else(|| {
-                refused("there is no such file, and it is no key of 64 hexadecimal digits".to_owned())
+                let problem = "there is no such file, and it is no key of 64 hexadecimal digits";
+                Failure::new(Exit::InputOutput, format!("{text}: {problem}"))
             })?;
             let Some(folder) = &self.cache else {
                 return Err(Failure::usage(format!(

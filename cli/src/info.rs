@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// The file to describe.
 #[derive(Args, Debug)]
 pub(crate) struct InfoArguments {
-    /// An asset (.ktx2, .dds, .exr, .ptm, .rti, a .web folder), a picture or a light file
+    /// An asset (.ktx2, .dds, .exr, .ptm, .rti, a .web folder), a rig, a picture or a light file
     file: PathBuf,
     /// Print JSON instead of lines
     #[arg(long)]

@@ -11,6 +11,8 @@ use crate::plan::{PlanArguments, is_path};
 use crate::say::is_dash;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
+use relight_formats::place_of;
+use std::collections::HashMap;
 use std::ffi::OsString;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
@@ -93,7 +95,29 @@ pub(crate) fn expand(arguments: Vec<OsString>) -> Result<Vec<Call>, Failure> {
         let job_file = Some(path.clone()).filter(|path| !is_dash(path));
         Call { name: name_of(&path), job_file, arguments: own.map(all) }
     };
-    Ok(jobs.into_iter().map(call).collect())
+    let calls: Vec<Call> = jobs.into_iter().map(call).collect();
+    if name == "bake" {
+        check_outputs(&calls)?;
+    }
+    Ok(calls)
+}
+
+/// Fails where two jobs write one asset: the later one would win without a word.
+fn check_outputs(calls: &[Call]) -> Result<(), Failure> {
+    let mut writers = HashMap::new();
+    for call in calls {
+        let words = call.arguments.as_deref().unwrap_or_default();
+        let output = words.iter().find_map(|word| word.to_str()?.strip_prefix("--output="));
+        let Some(place) = output.and_then(|output| place_of(Path::new(output))) else { continue };
+        if let Some(other) = writers.insert(place, &call.name) {
+            let output = output.unwrap_or_default();
+            let name = &call.name;
+            return Err(Failure::usage(format!(
+                "{other} and {name} both write {output}; give each its own output"
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// What words after `relight bake` say.

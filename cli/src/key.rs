@@ -8,6 +8,13 @@ use relight_formats::hexadecimal;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
+impl InputsArguments {
+    /// Notes the job file that the arguments come from.
+    pub(crate) fn set_job_file(&mut self, path: PathBuf) {
+        self.bake.set_job_file(path);
+    }
+}
+
 /// A bake whose key is wanted: the command line of `relight bake`.
 #[derive(Args, Debug)]
 pub(crate) struct KeyArguments {
@@ -40,6 +47,7 @@ enum ListFormat {
 
 /// Runs `relight key`.
 pub(crate) fn run_key(arguments: &KeyArguments) -> Result<(), Failure> {
+    arguments.bake.build.refuse("key")?;
     let job = Job::open_for_others(&arguments.bake, &mut Stages::default())?;
     let key = hexadecimal(&key_of(&job.provenance));
     if arguments.json {
@@ -53,9 +61,11 @@ pub(crate) fn run_key(arguments: &KeyArguments) -> Result<(), Failure> {
 
 /// Runs `relight inputs`.
 pub(crate) fn run_inputs(arguments: &InputsArguments) -> Result<(), Failure> {
+    arguments.bake.build.refuse("inputs")?;
     let job = Job::open_for_others(&arguments.bake, &mut Stages::default())?;
     let judges = job.judges();
-    let files = job.inputs(judges.as_ref());
+    let mut files = job.inputs(judges.as_ref());
+    files.extend(arguments.bake.build.job_file());
     match arguments.format {
         ListFormat::Lines => files.iter().try_for_each(|path| {
             let text = text_of(path)?;

@@ -170,8 +170,10 @@ fn run(parser: &mut clap::Command, call: Call) -> Result<(), Failure> {
         Err(words) => words.exit(),
     };
     standard_streams::check(parser, &matches)?;
-    if let (Command::Bake(arguments), Some(file)) = (&mut command, call.job_file) {
-        arguments.set_job_file(file);
+    match (&mut command, call.job_file) {
+        (Command::Bake(arguments), Some(file)) => arguments.set_job_file(file),
+        (Command::Inputs(arguments), Some(file)) => arguments.set_job_file(file),
+        _ => {}
     }
     let result = std::panic::catch_unwind(|| match command {
         Command::Bake(arguments) => bake::run(&arguments),

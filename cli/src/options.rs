@@ -5,7 +5,7 @@ use crate::say::is_dash;
 use crate::thread_tokens;
 use clap::{Args, ValueEnum};
 use relight_core::{CpuLevel, Wrap};
-use relight_formats::{OutputFile, place_of};
+use relight_formats::{OutputFile, picture_depths, place_of};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -16,6 +16,28 @@ pub(crate) fn check_writable(path: &Path) -> Result<(), Failure> {
         return Ok(());
     }
     OutputFile::create(path).map(drop).map_err(Failure::of_output)
+}
+
+/// Fails when a name has another extension than what is written to it.
+pub(crate) fn check_extension(path: &Path, extension: &str) -> Result<(), Failure> {
+    if is_dash(path) || path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension)) {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "{}: give a name that ends in .{extension}, which is what is written",
+        path.display()
+    )))
+}
+
+/// Fails when the folder of a sequence is named as a picture.
+pub(crate) fn check_sequence_folder(path: &Path) -> Result<(), Failure> {
+    match picture_depths(path) {
+        Ok(_) => Err(Failure::usage(format!(
+            "{}: a sequence is a folder of pictures; give a name without a picture's extension",
+            path.display()
+        ))),
+        Err(_) => Ok(()),
+    }
 }
 
 /// Fails when an output is also read, or written twice.

@@ -116,6 +116,7 @@ pub(crate) fn is_path(arg: &Arg) -> bool {
 /// Runs the subcommand.
 pub(crate) fn run(arguments: &PlanArguments) -> Result<(), Failure> {
     let PlanArguments { bake, job, options } = arguments;
+    bake.build.refuse("plan")?;
     if bake.searches()? {
         return Err(Failure::usage(
             "targets choose among fits, which shards can't share: find the choice with relight bake, then plan it",

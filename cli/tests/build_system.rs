@@ -285,6 +285,30 @@ fn a_dry_run_says_what_it_would_read_and_write_and_writes_nothing() {
         }
         written.iter().for_each(|name| fs::remove_file(here.join(name)).unwrap());
     }
+    // Heat maps of the steps that there are, and up to date with them.
+    for (options, maps) in [
+        (
+            "--block bc7 --quality fast --holdout every:3",
+            &["block-coding", "fit", "held-out", "quantisation"][..],
+        ),
+        ("--precision f32", &["fit"]),
+    ] {
+        let line = format!("bake capture -o h.ktx2 --basis ptm --report h.json --heatmaps hm {options}");
+        let said = relight(here, &format!("{line} --dry-run")).ok().stdout;
+        let maps: Vec<String> = maps.iter().map(|name| format!("heatmap-{name}.png")).collect();
+        let mut announced: Vec<&str> =
+            said.lines().filter_map(|line| line.strip_prefix("write hm/")).collect();
+        announced.sort_unstable();
+        assert_eq!(announced, maps, "{options}");
+        relight(here, &format!("{line} --cache kept")).ok();
+        assert_eq!(names_in(&here.join("hm")), maps, "{options}");
+        assert!(
+            relight(here, &format!("{line} --cache kept")).ok().stdout.contains("up to date"),
+            "{options}"
+        );
+        ["hm", "kept"].iter().for_each(|name| fs::remove_dir_all(here.join(name)).unwrap());
+        ["h.ktx2", "h.json"].iter().for_each(|name| fs::remove_file(here.join(name)).unwrap());
+    }
     for (line, code) in [
         ("bake capture -o a.ktx2 --basis ptm --precision u8 --block bc7", 2),
         ("bake none -o a.ktx2", 4),

@@ -245,6 +245,13 @@ fn several_jobs_each_have_a_result_and_one_failure_stops_no_other() {
     assert!(bytes("a.ktx2") == bytes("e.ktx2"));
     relight(here, "bake capture -o e.ktx2 --basis ptm --precision f16").ok();
     assert!(bytes("d.ktx2") == bytes("e.ktx2"));
+    // Two of one asset, in whatever words.
+    fs::create_dir(here.join("jobs")).unwrap();
+    write("jobs/f.toml", "input = '../capture'\noutput = '../a.ktx2'\nbasis = 'hsh'\n");
+    let before = bytes("a.ktx2");
+    let words = ["a.toml and jobs/f.toml both write", "a.ktx2", "its own output"];
+    relight(here, "bake a.toml d.toml jobs/f.toml").assert_refused(2, &words);
+    assert!(bytes("a.ktx2") == before);
     assert!(fs::read_to_string(here.join("a.d")).unwrap().ends_with(" \\\n  a.toml\n"));
 
     let ran = relight(here, "bake b.toml d.toml --log-format json");

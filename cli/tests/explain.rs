@@ -122,7 +122,7 @@ fn each_changed_component_is_named_with_its_values() {
     assert!(run.stdout.contains("the fit is the same"), "{}", run.stdout);
     relight(here, "explain base.json base.ktx2 --exit-code").ok();
     relight(here, &format!("explain base.json {}", "0".repeat(64))).assert_refused(2, &["--cache"]);
-    relight(here, "explain base.json none.ktx2").assert_refused(3, &["no such file"]);
+    relight(here, "explain base.json none.ktx2").assert_refused(4, &["no such file"]);
     relight(here, &format!("bake set -o p.ptm {CROP}")).ok();
     relight(here, "explain base.json p.ptm").assert_refused(3, &["does not say what it was made of"]);
 }
@@ -141,6 +141,15 @@ fn inputs_are_listed_as_build_systems_want_them() {
     let json: Vec<String> =
         serde_json::from_str(&relight(here, "inputs set -o a.ktx2 --format json").ok().stdout).unwrap();
     assert_eq!(json, listed);
+    // A job file is an input, too; options of outputs have no meaning here.
+    fs::write(here.join("a job.toml"), "input = 'set'\noutput = 'a.ktx2'\n").unwrap();
+    let of_job = relight_words(here, &["inputs", "a job.toml"]).ok().stdout;
+    assert_eq!(of_job, format!("{lines}a job.toml\n"));
+    for command in ["inputs", "key"] {
+        relight(here, &format!("{command} set -o a.ktx2 --depfile a.d")).assert_refused(2, &["--depfile"]);
+    }
+    relight(here, "plan set --asset a.ktx2 -o p.json --dry-run").assert_refused(2, &["--dry-run"]);
+    assert!(!here.join("p.json").exists());
     let bazel = relight(here, "inputs set -o a.ktx2 --format bazel").ok().stdout;
     let words: String = listed.iter().map(|line| format!("    \"{line}\",\n")).collect();
     assert_eq!(bazel, format!("INPUTS = [\n{words}]\n"));

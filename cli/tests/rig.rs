@@ -149,6 +149,21 @@ fn what_makes_no_sense_is_refused_in_a_sentence() {
     .unwrap();
     relight(at, "rig plan a.rig --scene spot.toml").assert_refused(3, &["spot"]);
     relight(at, "rig report a.rig --distances 0.5").assert_refused(2, &["within the mesh's sphere"]);
+    let sequence = format!(
+        "rig render a.rig --mesh {} --scene {} -o",
+        testdata("car.glb").display(),
+        testdata("flyby.toml").display()
+    );
+    relight(at, &format!("{sequence} x.png")).assert_refused(2, &["x.png: a sequence is a folder"]);
+    relight(at, &format!("{sequence} x --difference x"))
+        .assert_refused(2, &["another file of this command too"]);
+    relight(at, "rig report a.rig -o x.png").assert_refused(2, &["ends in .svg"]);
+    bake(at, "car.glb", "--model constant", "a.foo").assert_refused(2, &["ends in .rig"]);
+    relight(at, &format!("rig plan a.rig --scene {} --tolerance -1", testdata("flyby.toml").display()))
+        .assert_refused(2, &["'-1'"]);
+    assert_eq!(std::fs::read_dir(at).unwrap().count(), 2);
+    let info = relight(at, "info a.rig").ok().stdout;
+    assert!(info.contains("irradiance rig") && info.contains("gradient: vectors 4, samples 32"), "{info}");
     std::fs::write(at.join("bad.rig"), b"not a rig").unwrap();
     relight(at, "rig report bad.rig").assert_refused(3, &["bad.rig"]);
 }

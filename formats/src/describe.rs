@@ -5,10 +5,14 @@ use crate::asset::{describe_asset, is_asset};
 use crate::light_file::read_light_file;
 use crate::picture::probe;
 use crate::position_file;
+use crate::rig_file::{is_rig, read_rig};
 use std::io::Read;
 use std::path::Path;
 
-/// Facts about an asset, a picture, a position map or a light file, recognised by its content (light files by
+/// Memory that describing a rig may take.
+const MOST_OF_RIG: u64 = 4 << 30;
+
+/// Facts about an asset, a picture, a position map, a rig or a light file, recognised by its content (light files by
 /// their extension).
 ///
 /// # Errors
@@ -25,6 +29,9 @@ pub fn describe(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
     if path.is_dir() {
         return describe_asset(path);
     }
+    if is_rig(path) {
+        return describe_rig(path);
+    }
     let mut magic = Vec::new();
     let file = std::fs::File::open(path).map_err(|source| FormatError::io(path, "open", source))?;
     file.take(16).read_to_end(&mut magic).map_err(|source| FormatError::io(path, "read", source))?;
@@ -39,6 +46,25 @@ pub fn describe(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
         None => {}
     }
     Ok(facts_of(&probe(path)?))
+}
+
+fn describe_rig(path: &Path) -> Result<Vec<(String, String)>, FormatError> {
+    let file = read_rig(path, MOST_OF_RIG)?;
+    let mut facts = vec![
+        ("kind".to_owned(), "irradiance rig (.rig)".to_owned()),
+        ("mesh".to_owned(), format!("{}, {} triangles", file.mesh.name, file.mesh.triangles)),
+        ("bands".to_owned(), file.rig.bands.to_string()),
+    ];
+    for part in &file.rig.parts {
+        let name = if part.name.is_empty() { "part".to_owned() } else { format!("part {}", part.name) };
+        let vectors = part.model.parameters().len();
+        let (samples, radius) = (part.samples.len(), part.frame.radius);
+        facts.push((
+            name,
+            format!("{}: vectors {vectors}, samples {samples}, radius {radius:.4}", part.model.text()),
+        ));
+    }
+    Ok(facts)
 }
 
 fn facts_of(info: &crate::PictureInfo) -> Vec<(String, String)> {

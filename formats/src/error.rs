@@ -94,7 +94,9 @@ impl fmt::Display for FormatError {
                 needed.div_ceil(1 << 20),
                 limit >> 20
             ),
-            Self::Cancelled => write!(f, "interrupted; nothing was written"),
+            Self::Cancelled => {
+                write!(f, "interrupted; no file is half-written, what was not finished is not there")
+            }
         }
     }
 }

@@ -26,7 +26,11 @@ pub fn create_folder(folder: &Path) -> Result<(), FormatError> {
 pub fn place_of(path: &Path) -> Option<PathBuf> {
     path.canonicalize().ok().or_else(|| {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        Some(folder.canonicalize().ok()?.join(path.file_name()?))
+        match folder.canonicalize() {
+            Ok(folder) => Some(folder.join(path.file_name()?)),
+            // In a folder that is still to be made.
+            Err(_) => std::path::absolute(path).ok(),
+        }
     })
 }
 

@@ -123,7 +123,7 @@ pub(crate) fn folder_around<'a>(path: &Path, target: &'a Path) -> Result<&'a Pat
     if folder.is_dir() {
         return Ok(folder);
     }
-    let words = format!("there is no folder {}", folder.display());
+    let words = format!("there is no folder {}; make it first", folder.display());
     Err(FormatError::io(path, "create", io::Error::new(io::ErrorKind::NotFound, words)))
 }
 

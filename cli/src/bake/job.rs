@@ -78,7 +78,11 @@ impl<'a> Job<'a> {
         if let Some(folder) = &arguments.heatmaps {
             check_heat_maps(folder, arguments.report.is_some())?;
         }
-        let heat_maps = arguments.heatmaps.iter().flat_map(|folder| heat_map_files(folder));
+        let is_stage = |name: &str| match name {
+            "held-out" => arguments.holdout.is_some(),
+            _ => arguments.textures.may_have_stage(name, format),
+        };
+        let heat_maps = arguments.heatmaps.iter().flat_map(|folder| heat_map_files(folder, is_stage));
         let depfile = arguments.build.file().cloned();
         let beside_asset: Vec<PathBuf> = reports.into_iter().chain(heat_maps).chain(depfile).collect();
         let all = stages.time("open", || open_capture(&arguments.input)?.by_direction())?;
@@ -122,8 +126,13 @@ impl<'a> Job<'a> {
             report["key"] == hexadecimal(&key)
         });
         let depfile = self.arguments.build.file();
-        let beside = self.beside_asset.iter().filter(|path| Some(*path) != depfile);
-        whole && reported && beside.into_iter().all(|path| path.is_file())
+        // Blocks that --block auto didn't choose have no map; the report tells that all were written.
+        let is_sure = |path: &&PathBuf| {
+            Some(*path) != depfile
+                && self.arguments.heatmaps.as_ref().is_none_or(|folder| !path.starts_with(folder))
+        };
+        let drawn = self.arguments.heatmaps.as_ref().is_none_or(|folder| folder.is_dir());
+        whole && reported && drawn && self.beside_asset.iter().filter(is_sure).all(|path| path.is_file())
     }
 
     /// All files that it reads, each once; `left_out` are the pictures that judge.

@@ -76,7 +76,7 @@ pub(crate) struct BakeArguments {
     #[command(flatten)]
     cache: CacheOptions,
     #[command(flatten)]
-    build: BuildOptions,
+    pub(crate) build: BuildOptions,
     #[command(flatten)]
     machine: MachineOptions,
 }
@@ -272,7 +272,8 @@ pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result
     fit.notes.append(&mut scene_notes);
     fit.notes.extend(textures::size_note(&plan.packing, fitted.size().0, fitted.size().1));
     fit.notes.extend(position_facts.as_ref().and_then(|facts| facts.note.clone()));
-    let cache_use = keeper.as_ref().map(|keeper| keeper.counts);
+    // Of a cache that could not be used there is nothing to say.
+    let cache_use = keeper.as_ref().map(|keeper| keeper.counts).filter(|used| *used != CacheUse::default());
     fit.notes.extend(cache_use.and_then(CacheUse::note));
 
     let left_out = left_out.as_ref().map(|capture| Judges { capture, lamps: lamps_of_judges.as_ref() });

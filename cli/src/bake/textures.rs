@@ -338,6 +338,16 @@ impl TextureOptions {
         })
     }
 
+    /// Whether a step of the error budget may be there: `--block auto` may choose no blocks, and searches any.
+    pub(crate) fn may_have_stage(&self, name: &str, format: &AssetFormat) -> bool {
+        match name {
+            "quantisation" => self.block != BlockChoice::None || self.precision != Some(PrecisionChoice::F32),
+            "block coding" => self.block != BlockChoice::None,
+            "JPEG" => format.folder || self.jpeg_quality.is_some(),
+            _ => true,
+        }
+    }
+
     /// Where every plane lies. `sample` is needed where [`Self::tries`] says so.
     ///
     /// # Errors

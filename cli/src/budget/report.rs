@@ -9,8 +9,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Where heat maps of all stages that there are stand in `folder`.
-pub(crate) fn heat_map_files(folder: &Path) -> impl Iterator<Item = PathBuf> {
-    STAGES.into_iter().map(|name| heat_map_file(folder, name))
+pub(crate) fn heat_map_files(folder: &Path, is_stage: impl Fn(&str) -> bool) -> Vec<PathBuf> {
+    STAGES.into_iter().filter(|name| is_stage(name)).map(|name| heat_map_file(folder, name)).collect()
 }
 
 fn heat_map_file(folder: &Path, stage: &str) -> PathBuf {

@@ -3,7 +3,7 @@
 use super::{Depth, RenderArguments};
 use crate::failure::Failure;
 use crate::notes;
-use crate::options::Machine;
+use crate::options::{Machine, check_sequence_folder};
 use relight_core::relighter::DirectionalLight;
 use relight_formats::{read_light_file, read_scene};
 use relight_lights::{Attenuation, HorizonRule, Lamp, Light, Scene};
@@ -39,6 +39,7 @@ pub(super) fn jobs(arguments: &RenderArguments, machine: &Machine) -> Result<Job
             let list = vec![Job { path: output.clone(), scene: file.scene(path, 0.0)? }];
             return Ok(Jobs { list, folder: None, inputs });
         }
+        check_sequence_folder(output)?;
         let list = frame_paths(output, file.times.len(), extension_for(arguments.depth))
             .zip(&file.times)
             .map(|(frame, &time)| Ok(Job { path: frame, scene: file.scene(path, time)? }))

@@ -4,7 +4,7 @@ use super::digits;
 use super::mesh::{PartMeshes, surface_of};
 use crate::failure::{Exit, Failure};
 use crate::interrupt;
-use crate::options::{MachineOptions, check_apart, check_writable};
+use crate::options::{MachineOptions, check_apart, check_extension, check_writable};
 use crate::say::say;
 use clap::{Args, ValueEnum};
 use relight_formats::{RigFile, write_rig, write_whole};
@@ -43,13 +43,13 @@ pub(super) struct BakeArguments {
     parts: bool,
     /// Largest error in grey levels (255 x reflected light) that auto allows under the lights that --nearest and --brightness
     /// describe
-    #[arg(long, value_name = "GREY", default_value = "4", value_parser = positive)]
+    #[arg(long, value_name = "GREY", default_value = "4", allow_negative_numbers = true, value_parser = positive)]
     target_error: f64,
     /// How near the lights come, in radii of the mesh from its middle
     #[arg(long, value_name = "RADII", default_value = "4", value_parser = beyond_one)]
     nearest: f64,
     /// What a white diffuser at the mesh's middle reflects when it faces the nearest light
-    #[arg(long, value_name = "VALUE", default_value = "0.25", value_parser = positive)]
+    #[arg(long, value_name = "VALUE", default_value = "0.25", allow_negative_numbers = true, value_parser = positive)]
     brightness: f64,
     /// Also write models that were tried, errors by distance and times
     #[arg(long, value_name = "FILE.json")]
@@ -94,6 +94,8 @@ pub(super) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         text => Some(Model::parse(text)?),
     };
     check_apart([&arguments.output].into_iter().chain(&arguments.report), [&arguments.mesh])?;
+    check_extension(&arguments.output, "rig")?;
+    arguments.report.iter().try_for_each(|path| check_extension(path, "json"))?;
     for output in [&arguments.output].into_iter().chain(&arguments.report) {
         check_writable(output)?;
     }

@@ -4,7 +4,7 @@ use super::digits;
 use super::scene::{Moment, moment};
 use super::window::{WindowChoice, ringing_record, ringing_words};
 use crate::failure::Failure;
-use crate::options::{MachineOptions, check_apart, check_writable};
+use crate::options::{MachineOptions, check_apart, check_extension, check_writable};
 use crate::say::say;
 use clap::Args;
 use relight_formats::{read_rig, read_scene, write_whole};
@@ -78,6 +78,7 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<(), Failure> {
     let scene = read_scene(&arguments.scene, machine.level, machine.memory)?;
     let inputs = [&arguments.rig, &arguments.scene];
     check_apart([&arguments.output], inputs.into_iter().chain(&scene.inputs))?;
+    check_extension(&arguments.output, "json")?;
     check_writable(&arguments.output)?;
     let moment = moment(&arguments.scene, &scene, &file, arguments.time)?;
     let lights: Vec<_> = moment.lights.iter().map(|light| (light, 1.0)).collect();

@@ -5,6 +5,7 @@ use super::digits;
 use super::scene::{Moments, moments};
 use super::window::{ringing_record, ringing_words};
 use crate::failure::Failure;
+use crate::notes;
 use crate::options::{MachineOptions, check_apart, check_writable};
 use crate::say::say;
 use clap::Args;
@@ -25,7 +26,7 @@ pub(super) struct PlanArguments {
     #[arg(long, value_name = "SCENE.toml")]
     scene: PathBuf,
     /// Largest error in grey levels of an 8-bit sRGB picture of a white diffuser
-    #[arg(long, value_name = "GREY", default_value = "1", value_parser = positive)]
+    #[arg(long, value_name = "GREY", default_value = "1", allow_negative_numbers = true, value_parser = positive)]
     tolerance: f64,
     /// Write the plan of every picture
     #[arg(short, long, value_name = "FILE.json")]
@@ -167,6 +168,12 @@ fn print(plan: &Plan, moments: &Moments, file: &RigFile, tolerance: f64, seconds
         plan.pictures.len(),
         digits(errors.iter().copied().fold(0.0, f64::max)),
     );
+    if errors.iter().any(|error| *error > tolerance) {
+        notes::print(&[format!(
+            "errors are above the tolerance of {tolerance} with every light that matters evaluated at each point, in f32; \
+             give a larger one"
+        )]);
+    }
     for (part, rule) in file.rig.parts.iter().zip(&plan.rules) {
         say!("  {}: tabulated errors count {} times", label(&part.name), digits(rule.strictness));
     }

@@ -6,7 +6,7 @@ use super::mesh::PartMeshes;
 use super::scene::{Moment, Moments, moments};
 use super::window::{WindowChoice, ringing_words};
 use crate::failure::{Exit, Failure};
-use crate::options::{Machine, MachineOptions, check_apart, check_writable};
+use crate::options::{Machine, MachineOptions, check_apart, check_sequence_folder, check_writable};
 use crate::render::frame_paths;
 use crate::say::say;
 use crate::view::{color_of, size_of, three_of};
@@ -42,7 +42,7 @@ pub(super) struct RenderArguments {
     #[arg(long, value_name = "WAY", value_enum, default_value = "plan")]
     by: Way,
     /// Largest error in grey levels that the plan may make
-    #[arg(long, value_name = "GREY", default_value = "1", value_parser = positive)]
+    #[arg(long, value_name = "GREY", default_value = "1", allow_negative_numbers = true, value_parser = positive)]
     tolerance: f64,
     /// Also draw by brute force, say how the two differ in grey levels and time, and write the difference: mid-grey where they
     /// agree, 16 levels for each level of difference
@@ -124,6 +124,12 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         true => frame_paths(output, moments.list.len(), "png").collect(),
         false => vec![output.to_owned()],
     };
+    if is_sequence {
+        [&arguments.output]
+            .into_iter()
+            .chain(&arguments.difference)
+            .try_for_each(|path| check_sequence_folder(path))?;
+    }
     let outputs = paths(&arguments.output);
     let differences = arguments.difference.as_ref().map(|output| paths(output));
     let depth = picture_depths(&outputs[0]).map_err(Failure::of_output)?[0];

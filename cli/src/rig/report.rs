@@ -5,7 +5,7 @@ use super::curves::{Curve, Mark, Panel, svg};
 use super::digits;
 use crate::failure::Failure;
 use crate::interrupt;
-use crate::options::{Machine, MachineOptions, check_apart, check_writable};
+use crate::options::{Machine, MachineOptions, check_apart, check_extension, check_writable};
 use crate::say::say;
 use crate::view::three_of;
 use clap::Args;
@@ -43,10 +43,10 @@ pub(super) struct ReportArguments {
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = three_of)]
     toward: Option<[f64; 3]>,
     /// Distances of tables, in radii of the mesh
-    #[arg(long, value_name = "RADII,..", value_delimiter = ',', default_values_t = DISTANCES, value_parser = positive)]
+    #[arg(long, value_name = "RADII,..", value_delimiter = ',', default_values_t = DISTANCES, allow_negative_numbers = true, value_parser = positive)]
     distances: Vec<f64>,
     /// Grey levels are those of a light that a white diffuser at the mesh's middle reflects as 1 from this distance, in radii
-    #[arg(long, value_name = "RADII", default_value = "4", value_parser = positive)]
+    #[arg(long, value_name = "RADII", default_value = "4", allow_negative_numbers = true, value_parser = positive)]
     white_at: f64,
     /// The part of a rig of several; the first by default
     #[arg(long, value_name = "NAME")]
@@ -87,6 +87,8 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), Failure> {
     let file = read_rig(&arguments.rig, machine.memory)?;
     let outputs = || arguments.output.iter().chain(&arguments.json);
     check_apart(outputs(), [&arguments.rig])?;
+    arguments.output.iter().try_for_each(|path| check_extension(path, "svg"))?;
+    arguments.json.iter().try_for_each(|path| check_extension(path, "json"))?;
     for output in outputs() {
         check_writable(output)?;
     }

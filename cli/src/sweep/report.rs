@@ -73,9 +73,12 @@ pub(crate) fn chosen(outcomes: &[Outcome], targets: &TargetOptions) -> Chosen {
             Chosen::Found { index, why: format!("{}: {why} the target", of(index)) }
         }
         None => {
-            let best = best_within(&points, budget).or(best_within(&points, f64::INFINITY));
-            let best =
-                best.map_or("there is no choice at all".to_owned(), |i| format!("the best, {}", of(i)));
+            let smallest = (0..points.len()).min_by(|a, b| points[*a].0.total_cmp(&points[*b].0));
+            let best = match (best_within(&points, budget), smallest) {
+                (Some(best), _) => format!("the best, {}", of(best)),
+                (None, Some(smallest)) => format!("the smallest, {}", of(smallest)),
+                (None, None) => "there is no choice at all".to_owned(),
+            };
             Chosen::Missed { why: format!("no choice reaches {}; {best}", targets.words()) }
         }
     }
