@@ -163,8 +163,7 @@ impl Blocks<'_> {
         subset_of: impl Fn(usize, usize) -> u16,
     ) -> [[usize; LANES]; MOST_TRIED] {
         // Of each texel: R, G, B and their products. In f32 about the block's mean, or squares would drown what varies.
-        let mut products = [[[0.0; LANES]; 9]; TEXELS];
-        let mut totals = [[0.0; LANES]; 9];
+        let mut products: [Products; TEXELS] = [[[0.0; LANES]; 9]; TEXELS];
         let mut means = [[0.0; LANES]; 3];
         for texel in self.texels {
             for c in 0..3 {
@@ -187,12 +186,8 @@ impl Blocks<'_> {
                 products[7][i] = y * z;
                 products[8][i] = z * z;
             }
-            for (total, product) in totals.iter_mut().zip(products) {
-                for i in 0..LANES {
-                    total[i] += product[i];
-                }
-            }
         }
+        let (totals, _) = sums_of(&products, |_| true);
         /// Bits of a score that hold a number.
         const NUMBERS: u32 = 63;
         let mut least = [[f32::INFINITY; LANES]; MOST_TRIED];
@@ -201,22 +196,12 @@ impl Blocks<'_> {
             let mut rest = totals;
             let mut rest_count = TEXELS;
             for subset in 1..=SUBSETS {
+                // The last subset is what is left.
                 let mut sums = rest;
                 let mut texels = rest_count;
                 if subset < SUBSETS {
-                    sums = [[0.0; LANES]; 9];
-                    texels = 0;
-                    for (texel, products) in products.iter().enumerate() {
-                        if usize::from(subset_of(partition, texel)) != subset {
-                            continue;
-                        }
-                        texels += 1;
-                        for (sum, product) in sums.iter_mut().zip(products) {
-                            for i in 0..LANES {
-                                sum[i] += product[i];
-                            }
-                        }
-                    }
+                    let of_subset = |texel: usize| usize::from(subset_of(partition, texel)) == subset;
+                    (sums, texels) = sums_of(&products, of_subset);
                     for (rest, sum) in rest.iter_mut().zip(&sums) {
                         for i in 0..LANES {
                             rest[i] -= sum[i];
@@ -224,17 +209,7 @@ impl Blocks<'_> {
                     }
                     rest_count -= texels;
                 }
-                let inverse = 1.0 / texels as f32;
-                let mut moments = [[0.0; LANES]; 6];
-                for i in 0..LANES {
-                    let [x, y, z] = [sums[0][i], sums[1][i], sums[2][i]];
-                    moments[0][i] = sums[3][i] - x * x * inverse;
-                    moments[1][i] = sums[4][i] - x * y * inverse;
-                    moments[2][i] = sums[5][i] - x * z * inverse;
-                    moments[3][i] = sums[6][i] - y * y * inverse;
-                    moments[4][i] = sums[7][i] - y * z * inverse;
-                    moments[5][i] = sums[8][i] - z * z * inverse;
-                }
+                let moments = moments_about_mean(&sums, texels);
                 beside_axis(&moments, &mut score);
             }
             // The partition's number in the last bits of its score: sorting one sorts both.
@@ -437,6 +412,45 @@ impl Blocks<'_> {
         }
         sums
     }
+}
+
+/// Of a texel or of some: R, G, B and the products RR, RG, RB, GG, GB, BB.
+type Products = [Lanes; 9];
+
+/// The sums of some texels, and how many they are.
+#[inline(always)]
+fn sums_of(products: &[Products; TEXELS], is_in: impl Fn(usize) -> bool) -> (Products, usize) {
+    let mut sums = [[0.0; LANES]; 9];
+    let mut count = 0;
+    for (texel, products) in products.iter().enumerate() {
+        if !is_in(texel) {
+            continue;
+        }
+        count += 1;
+        for (sum, product) in sums.iter_mut().zip(products) {
+            for i in 0..LANES {
+                sum[i] += product[i];
+            }
+        }
+    }
+    (sums, count)
+}
+
+/// The moments xx, xy, xz, yy, yz, zz of `count` texels about their mean.
+#[inline(always)]
+fn moments_about_mean(sums: &Products, count: usize) -> [Lanes; 6] {
+    let inverse = 1.0 / count as f32;
+    let mut moments = [[0.0; LANES]; 6];
+    for i in 0..LANES {
+        let [x, y, z] = [sums[0][i], sums[1][i], sums[2][i]];
+        moments[0][i] = sums[3][i] - x * x * inverse;
+        moments[1][i] = sums[4][i] - x * y * inverse;
+        moments[2][i] = sums[5][i] - x * z * inverse;
+        moments[3][i] = sums[6][i] - y * y * inverse;
+        moments[4][i] = sums[7][i] - y * z * inverse;
+        moments[5][i] = sums[8][i] - z * z * inverse;
+    }
+    moments
 }
 
 /// Codes of least squared error for given weights, of those around the best real ends; those of the ends themselves where all texels have
