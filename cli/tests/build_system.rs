@@ -389,13 +389,19 @@ mod jobserver_of_make {
         command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
     }
 
-    /// The least number of free tokens until `child` has written for a while.
+    /// The least number of free tokens until `child` has written for a while: a temporary stands for six looks, other than those by
+    /// which it finds out where it may write.
     fn least_free(server: &Client, child: &mut Child, here: &Path) -> usize {
+        let temporary = || names_in(here).into_iter().find(|name| name.starts_with(".a.ktx2"));
         let mut least = free(server);
-        while !names_in(here).iter().any(|name| name.starts_with(".a.ktx2")) {
+        let (mut last, mut looks) = (None, 0);
+        while looks < 6 {
             assert!(child.try_wait().unwrap().is_none(), "it ended before it wrote");
             least = least.min(free(server));
             std::thread::sleep(Duration::from_millis(5));
+            let now = temporary();
+            looks = if now.is_some() && now == last { looks + 1 } else { 0 };
+            last = now;
         }
         least.min(free(server))
     }
