@@ -1,7 +1,7 @@
 # The two commands of the README: `make demo` and `make check`.
 
 CARGO ?= cargo
-RELIGHT = target/release/relight
+RELIGHT := $(or $(CARGO_TARGET_DIR),target)/release/relight
 
 .PHONY: demo check fmt clippy walls test doc recipes bench accuracy report deny clean
 
