@@ -33,8 +33,8 @@ pub(crate) struct TextureOptions {
     /// How hard blocks are searched: fast, normal, high or best
     #[arg(long, value_name = "QUALITY", default_value = "normal", value_parser = quality_of)]
     quality: Quality,
-    /// Who searches: portable (same bytes on every machine) or ispc (faster for bc7 and bc6h; bytes
-    /// may differ between processors)
+    /// Who searches: portable (same bytes on every machine) or ispc (kernels for bc7 and bc6h, faster for bc6h; bytes may
+    /// differ between processors)
     #[arg(long, value_name = "ENCODER", default_value = "portable", value_parser = encoder_of)]
     encoder: Encoder,
     /// Range of each map's codes: min-error (clips outliers where that lowers the error), minmax,
