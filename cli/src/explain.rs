@@ -43,6 +43,11 @@ pub(crate) struct Difference {
 }
 
 impl Difference {
+    /// Whether it is one of how coefficients are stored.
+    pub(crate) fn is_of_storing(&self) -> bool {
+        self.component == "storing"
+    }
+
     /// For people.
     pub(crate) fn words(&self) -> String {
         let Self { component, name, old, new } = self;

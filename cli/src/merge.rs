@@ -61,6 +61,19 @@ pub(crate) fn run(arguments: &MergeArguments) -> Result<(), Failure> {
 /// Which tiles are missing, and what makes them.
 fn missing(keeper: &Keeper, plan: &PlanFile, arguments: &MergeArguments) -> Option<Failure> {
     let shards = plan.shards.len() as u32;
+    let command = |index: &u32| {
+        let shard = format!("{}/{shards}", index + 1);
+        let [plan, parts] = [&arguments.plan, &arguments.parts].map(|path: &PathBuf| word(path));
+        format!("relight bake --plan {plan} --shard {shard} -o {parts}")
+    };
+    if keeper.has_tiles_without_facts() {
+        let message = format!(
+            "{}: the file 'facts', which all shards share, is missing or damaged; one of them makes it again\n{}",
+            arguments.parts.display(),
+            command(&0)
+        );
+        return Some(Failure::new(Exit::BadInput, message));
+    }
     let lacking = |index: &u32| {
         let tiles: Vec<usize> = tiles_of(*index, shards, plan.tiles).collect();
         !tiles.is_empty() && !keeper.holds(&tiles)
@@ -69,11 +82,6 @@ fn missing(keeper: &Keeper, plan: &PlanFile, arguments: &MergeArguments) -> Opti
     if shards_missing.is_empty() {
         return None;
     }
-    let command = |index: &u32| {
-        let shard = format!("{}/{shards}", index + 1);
-        let [plan, parts] = [&arguments.plan, &arguments.parts].map(|path: &PathBuf| word(path));
-        format!("relight bake --plan {plan} --shard {shard} -o {parts}")
-    };
     let commands: Vec<String> = shards_missing.iter().map(command).collect();
     let message = format!(
         "{}: tiles of {} of {shards} shards are missing or damaged; make them by\n{}",

@@ -135,7 +135,24 @@ fn what_is_missing_or_foreign_is_named_with_its_remedy() {
     fs::remove_file(here.join("parts/notes.txt")).unwrap();
     // Another format than planned, another input.
     relight(here, "merge --plan plan.json parts -o a.exr")
-        .assert_refused(3, &["storing format: ktx2 -> exr"]);
+        .assert_refused(3, &["not stored as was planned", "storing format: ktx2 -> exr"]);
+    // What all shards share: one makes it again.
+    let facts = fs::read(here.join("parts/facts")).unwrap();
+    for odd in [None, Some(facts.len() / 2)] {
+        match odd {
+            None => fs::remove_file(here.join("parts/facts")).unwrap(),
+            Some(at) => {
+                let mut odd = facts.clone();
+                odd[at] ^= 1;
+                fs::write(here.join("parts/facts"), odd).unwrap();
+            }
+        }
+        let said = merge().stderr;
+        let commands: Vec<&str> = said.lines().skip(1).collect();
+        assert!(said.contains("the file 'facts'") && commands.len() == 1, "{said}");
+        relight(here, commands[0].strip_prefix("relight ").unwrap()).ok();
+        assert_eq!(fs::read(here.join("parts/facts")).unwrap(), facts);
+    }
     // What a killed shard left goes with the merge, where no shard came after it.
     let stray = here.join("parts/.tile-007.relight-ABC123.tmp");
     fs::write(&stray, "half").unwrap();

@@ -112,6 +112,12 @@ impl Keeper {
         Some((fit, stack))
     }
 
+    /// Whether only what the fit found is missing.
+    pub(crate) fn has_tiles_without_facts(&self) -> bool {
+        let has_any = (0..self.grid.count()).any(|tile| self.folder.has_file_of_tile(tile));
+        has_any && !matches!(self.folder.facts::<Facts>(), Ok(Some(_)))
+    }
+
     /// Whether what a fit found and these tiles are there, as far as their heads tell.
     pub(crate) fn holds(&self, tiles: &[usize]) -> bool {
         let Ok(Some(facts)) = self.folder.facts::<Facts>() else { return false };

@@ -108,13 +108,13 @@ impl PlanFile {
         if hexadecimal(&key_of(&job.provenance)) == self.key {
             return Ok(());
         }
-        let words: Vec<String> =
-            differences(&self.provenance, &job.provenance).iter().take(3).map(Difference::words).collect();
-        let message = format!(
-            "{}: the inputs are not those that were planned ({}); plan again",
-            path.display(),
-            words.join("; ")
-        );
+        let differences = differences(&self.provenance, &job.provenance);
+        let words: Vec<String> = differences.iter().take(3).map(Difference::words).collect();
+        let what = match differences.iter().all(Difference::is_of_storing) {
+            true => "the asset is not stored as was planned",
+            false => "the inputs are not those that were planned",
+        };
+        let message = format!("{}: {what} ({}); plan again", path.display(), words.join("; "));
         Err(Failure::new(Exit::BadInput, message))
     }
 }

@@ -24,10 +24,14 @@ pub(super) struct Mark {
     pub(super) place: (f64, f64),
 }
 
-const WIDTH: f64 = 720.0;
+/// Of the axes.
+const ACROSS: f64 = 438.0;
 const HEIGHT: f64 = 400.0;
 const LEFT: f64 = 72.0;
-const RIGHT: f64 = 210.0;
+/// Left of the names of curves.
+const BEFORE_NAMES: f64 = 40.0;
+/// Of a letter, about.
+const LETTER: f64 = 7.0;
 const TOP: f64 = 40.0;
 const BOTTOM: f64 = 56.0;
 
@@ -38,10 +42,15 @@ const COLORS: [&str; 7] = ["#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7"
 
 /// The panels one below another.
 pub(super) fn svg(panels: &[Panel]) -> String {
+    let names = panels.iter().flat_map(|panel| {
+        panel.curves.iter().map(|curve| &curve.name).chain(panel.marks.iter().map(|mark| &mark.name))
+    });
+    let longest = names.map(|name| name.chars().count()).max().unwrap_or(0);
+    let width = LEFT + ACROSS + BEFORE_NAMES + LETTER * longest.max(16) as f64;
     let height = HEIGHT * panels.len() as f64;
     let mut text = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" width=\"{WIDTH}\" height=\"{height}\" \
-         font-family=\"sans-serif\" font-size=\"12\" fill=\"#1f2937\">\n<rect width=\"{WIDTH}\" height=\"{height}\" fill=\"#ffffff\"/>\n"
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
+         font-family=\"sans-serif\" font-size=\"12\" fill=\"#1f2937\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n"
     );
     for (i, panel) in panels.iter().enumerate() {
         let _ = writeln!(text, "<g transform=\"translate(0 {})\">", HEIGHT * i as f64);
@@ -61,7 +70,7 @@ fn draw(text: &mut String, panel: &Panel) {
     let places: Vec<_> = places.chain(panel.marks.iter().map(|mark| mark.place)).filter(is_shown).collect();
     let xs = Axis::of(&places.iter().map(|place| place.0).collect::<Vec<_>>(), true);
     let ys = Axis::of(&places.iter().map(|place| place.1).collect::<Vec<_>>(), true);
-    let (bottom, right) = (HEIGHT - BOTTOM, WIDTH - RIGHT);
+    let (bottom, right) = (HEIGHT - BOTTOM, LEFT + ACROSS);
     let x = |value: f64| LEFT + xs.place(value) * (right - LEFT);
     let y = |value: f64| bottom - ys.place(value) * (bottom - TOP);
     // Writing to a string can't fail.
@@ -106,7 +115,7 @@ fn draw(text: &mut String, panel: &Panel) {
             "<path d=\"{path}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"{dashes}/><path d=\"M{:.1} {row}h22\" stroke=\"{color}\" \
              stroke-width=\"2\"{dashes}/><text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
             right + 12.0,
-            right + 40.0,
+            right + BEFORE_NAMES,
             row + 4.0,
             html(&curve.name)
         );
@@ -120,7 +129,7 @@ fn draw(text: &mut String, panel: &Panel) {
             "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"5\" fill=\"{color}\"/><circle cx=\"{:.1}\" cy=\"{row}\" r=\"5\" fill=\"{color}\"/>\
              <text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
             right + 23.0,
-            right + 40.0,
+            right + BEFORE_NAMES,
             row + 4.0,
             html(&mark.name)
         );

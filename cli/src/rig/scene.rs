@@ -1,6 +1,7 @@
 //! The pictures of a scene, as rigs know them.
 
 use crate::failure::{Exit, Failure};
+use crate::notes;
 use crate::options::Machine;
 use relight_formats::{RigFile, SceneFile, read_scene};
 use relight_rig::{Light, PlacedPart, Placement};
@@ -33,7 +34,10 @@ pub(super) fn moments(path: &Path, rig: &RigFile, machine: &Machine) -> Result<M
     let is_sequence = !file.times.is_empty();
     let times = if is_sequence { file.times.clone() } else { vec![0.0] };
     let list = times.into_iter().map(|time| moment(path, &file, rig, time));
-    let list = list.collect::<Result<_, Failure>>()?;
+    let list: Vec<Moment> = list.collect::<Result<_, Failure>>()?;
+    if list.iter().all(|moment| moment.lights.is_empty()) {
+        notes::print(&[format!("{}: there is no light, all is black", path.display())]);
+    }
     Ok(Moments { list, is_sequence, inputs: file.inputs.into_iter().chain([path.to_owned()]).collect() })
 }
 

@@ -128,6 +128,11 @@ impl FitFolder {
         Tiles { files, odd }
     }
 
+    /// Whether there is a file of tile `index`, whole or not.
+    pub fn has_file_of_tile(&self, index: usize) -> bool {
+        self.tile_path(index).is_file()
+    }
+
     /// Whether tile `index` is there and whole, without reading all of it.
     pub fn has_tile(&self, grid: TileGrid, planes: usize, index: usize) -> bool {
         let payload = payload(grid, index, planes);
