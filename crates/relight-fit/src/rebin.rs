@@ -11,7 +11,7 @@ use crate::{FitError, LearnedFit, LeastSquares, NearSolutions, RobustFit};
 use rayon::prelude::*;
 use relight_core::weighted_sums::{Rows, weighted_sums};
 use relight_core::{CoefficientDistribution, CoefficientMap, CoefficientSample, CoefficientSpan};
-use relight_core::{CpuLevel, Layout, Model, Stack, Vectorized};
+use relight_core::{CpuLevel, Layout, Model, Spare, Stack, Vectorized};
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
@@ -147,14 +147,12 @@ pub fn for_each_span_within<'a, E: From<FitError> + Send>(
     assert!(within.end <= stack.pixels(), "the pixels leave the picture");
     let fitting = Fitting::new(stack, fit.into(), level)?;
     let spans = within.len().div_ceil(span_pixels);
-    // As many as threads at once, handed on: made anew for every few spans, half of a refit's time went into their pages.
-    let idle = Mutex::new(Vec::<Scratch>::new());
-    let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
+    let spare = Spare::<Scratch>::default();
     (0..spans).into_par_iter().try_for_each(|span| {
-        let mut scratch = idle().pop().unwrap_or_default();
+        let mut scratch = spare.take();
         let first = within.start + span * span_pixels;
         consume(&scratch.fit(&fitting, first, span_pixels.min(within.end - first))?)?;
-        idle().push(scratch);
+        spare.give(scratch);
         Ok(())
     })
 }

@@ -14,7 +14,7 @@ use crate::{
 };
 use half::f16;
 use rayon::prelude::*;
-use relight_core::{CoefficientSpan, Layout, Model};
+use relight_core::{CoefficientSpan, Layout, Model, Spare};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -61,8 +61,7 @@ pub struct Packer {
     order: Vec<(usize, usize)>,
     /// Where there are blocks.
     feedback: Option<Feedback>,
-    /// Of threads that are between runs.
-    idle: Mutex<Vec<FeedbackScratch>>,
+    scratch: Spare<FeedbackScratch>,
     written: AtomicUsize,
     errors: StoringErrors,
     /// Level 1, where there is one, channels interleaved as in the spans.
@@ -146,7 +145,7 @@ impl Packer {
             coding,
             order,
             feedback,
-            idle: Mutex::default(),
+            scratch: Spare::default(),
             written: AtomicUsize::new(0),
             errors,
             halved,
@@ -262,8 +261,7 @@ impl Packer {
             return Ok(told);
         };
         let pixels = run.pixels;
-        let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-        let FeedbackScratch { mut errors, mut given } = idle().pop().unwrap_or_default();
+        let FeedbackScratch { mut errors, mut given } = self.scratch.take();
         // Layers write theirs before later ones read them.
         errors.resize(run.planes.len() * pixels, 0.0);
         for layer in self.layers(level) {
@@ -290,7 +288,7 @@ impl Packer {
                 told[plane].add(run.first, errors.iter().copied());
             }
         }
-        idle().push(FeedbackScratch { errors, given });
+        self.scratch.give(FeedbackScratch { errors, given });
         Ok(told)
     }
 

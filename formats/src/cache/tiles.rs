@@ -7,14 +7,13 @@ use crate::positioned::read_exact_at;
 use crate::temporary::remove_all_strays;
 use crate::{FormatError, OutputFile, create_folder, write_whole};
 use rayon::prelude::*;
-use relight_core::{CoefficientSpan, Model, Stack, StackError, StackRows};
+use relight_core::{CoefficientSpan, Model, Spare, Stack, StackError, StackRows};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs::{self, File};
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The file of what a fit found.
 pub(super) const FACTS: &str = "facts";
@@ -296,8 +295,7 @@ pub struct TileStack {
     grid: TileGrid,
     folder: PathBuf,
     files: Vec<File>,
-    /// Buffers of rows that are no more, for the next ones.
-    idle: Mutex<Vec<Vec<f32>>>,
+    buffers: Spare<Vec<f32>>,
 }
 
 impl TileStack {
@@ -321,12 +319,8 @@ impl TileStack {
             grid,
             folder: folder.folder.clone(),
             files,
-            idle: Mutex::default(),
+            buffers: Spare::default(),
         })
-    }
-
-    fn idle(&self) -> MutexGuard<'_, Vec<Vec<f32>>> {
-        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -350,7 +344,7 @@ impl Stack for TileStack {
     fn rows(&self, samples: Range<usize>) -> Result<Box<dyn StackRows + '_>, StackError> {
         assert!(samples.end <= self.pixels(), "the samples leave the planes");
         let count = samples.len();
-        let mut values = self.idle().pop().unwrap_or_default();
+        let mut values = self.buffers.take();
         values.resize(self.planes * count, 0.0);
         let mut at = samples.start;
         while at < samples.end {
@@ -379,7 +373,7 @@ struct TileRows<'a> {
 
 impl Drop for TileRows<'_> {
     fn drop(&mut self) {
-        self.stack.idle().push(std::mem::take(&mut self.values));
+        self.stack.buffers.give(std::mem::take(&mut self.values));
     }
 }
 

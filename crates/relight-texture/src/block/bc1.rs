@@ -8,7 +8,10 @@
 #![expect(clippy::needless_range_loop, reason = "a lane of several rows at once")]
 
 use super::encode::BlockRow;
-use super::side_by_side::{Ends, LANES, Lanes, TEXELS, Texels, gather, limited, nearest, principal_axis};
+use super::side_by_side::{
+    Ends, LANES, Lanes, TEXELS, Texels, ends_on_axis, gather, keep_better, limited, moments_of, nearest,
+    principal_axis,
+};
 use super::{BlockCoding, Quality, bc4};
 use relight_core::{CpuLevel, Vectorized};
 
@@ -101,22 +104,16 @@ impl Vectorized for Blocks<'_> {
                 }
             }
         }
-        let axis = self.axis(&totals);
+        let means = totals.map(|total| total.map(|total| total / TEXELS as f32));
+        let axis = principal_axis(&moments_of(self.texels, &[[1.0; LANES]; TEXELS], &means));
         let range = self.range(&totals, &axis);
-        let mut best = self.best::<3>(&totals, &axis, &range);
+        let mut best = self.best::<3>(&totals, &means, &axis, &range);
         if self.effort.three {
-            let other = self.best::<2>(&totals, &axis, &range);
+            let other = self.best::<2>(&totals, &means, &axis, &range);
             for i in 0..LANES {
-                let better = other.error[i] < best.error[i];
-                best.error[i] = if better { other.error[i] } else { best.error[i] };
-                best.steps[i] = if better { 2.0 } else { 3.0 };
-                for end in 0..2 {
-                    for c in 0..3 {
-                        best.ends[end][c][i] =
-                            if better { other.ends[end][c][i] } else { best.ends[end][c][i] };
-                    }
-                }
+                best.steps[i] = if other.error[i] < best.error[i] { 2.0 } else { 3.0 };
             }
+            keep_better(&other.error, &other.ends, &mut best.error, &mut best.ends);
         }
         let line = Line::new(&best.ends, &best.steps);
         for (texel, places) in self.texels.iter().zip(&mut best.places) {
@@ -129,27 +126,6 @@ impl Vectorized for Blocks<'_> {
 }
 
 impl Blocks<'_> {
-    /// As of [`principal_axis`].
-    #[inline(always)]
-    fn axis(&self, totals: &[Lanes; 3]) -> [Lanes; 3] {
-        // xx, xy, xz, yy, yz, zz.
-        let mut moments = [[0.0f32; LANES]; 6];
-        for texel in self.texels {
-            for i in 0..LANES {
-                let x = texel[0][i] - totals[0][i] / TEXELS as f32;
-                let y = texel[1][i] - totals[1][i] / TEXELS as f32;
-                let z = texel[2][i] - totals[2][i] / TEXELS as f32;
-                moments[0][i] += x * x;
-                moments[1][i] += x * y;
-                moments[2][i] += x * z;
-                moments[3][i] += y * y;
-                moments[4][i] += y * z;
-                moments[5][i] += z * z;
-            }
-        }
-        principal_axis(&moments)
-    }
-
     /// The least and the largest place of texels along the axis, from the mean.
     #[inline(always)]
     fn range(&self, totals: &[Lanes; 3], axis: &[Lanes; 3]) -> [Lanes; 2] {
@@ -171,7 +147,13 @@ impl Blocks<'_> {
 
     /// The best ends for so many steps between them.
     #[inline(always)]
-    fn best<const STEPS: usize>(&self, totals: &[Lanes; 3], axis: &[Lanes; 3], range: &[Lanes; 2]) -> Found {
+    fn best<const STEPS: usize>(
+        &self,
+        totals: &[Lanes; 3],
+        means: &[Lanes; 3],
+        axis: &[Lanes; 3],
+        range: &[Lanes; 2],
+    ) -> Found {
         let mut best = Found {
             error: [f32::INFINITY; LANES],
             ends: [[[0.0; LANES]; 3]; 2],
@@ -181,13 +163,12 @@ impl Blocks<'_> {
         self.try_ends::<STEPS>(&flat::<STEPS>(totals), &mut best);
         let insets = self.effort.insets;
         for (low, high) in insets.iter().flat_map(|low| insets.iter().map(move |high| (low, high))) {
-            let mut ends = [[[0.0; LANES]; 3]; 2];
-            for c in 0..3 {
-                for i in 0..LANES {
-                    let width = range[1][i] - range[0][i];
-                    let mean = totals[c][i] / TEXELS as f32;
-                    ends[0][c][i] = (mean + axis[c][i] * (range[0][i] + low * width)) * MOST[c];
-                    ends[1][c][i] = (mean + axis[c][i] * (range[1][i] - high * width)) * MOST[c];
+            let mut ends = ends_on_axis(means, axis, range, [*low, *high]);
+            for end in &mut ends {
+                for c in 0..3 {
+                    for i in 0..LANES {
+                        end[c][i] *= MOST[c];
+                    }
                 }
             }
             let mut sums = self.sums::<STEPS>(&ends);
@@ -243,17 +224,7 @@ impl Blocks<'_> {
     #[inline(always)]
     fn try_ends<const STEPS: usize>(&self, ends: &Ends, best: &mut Found) -> Sums {
         let sums = self.sums::<STEPS>(ends);
-        for end in 0..2 {
-            for c in 0..3 {
-                for i in 0..LANES {
-                    let better = sums.error[i] < best.error[i];
-                    best.ends[end][c][i] = if better { ends[end][c][i] } else { best.ends[end][c][i] };
-                }
-            }
-        }
-        for i in 0..LANES {
-            best.error[i] = if sums.error[i] < best.error[i] { sums.error[i] } else { best.error[i] };
-        }
+        keep_better(&sums.error, ends, &mut best.error, &mut best.ends);
         sums
     }
 }

@@ -13,7 +13,8 @@ mod partitions;
 
 use super::encode::BlockRow;
 use super::side_by_side::{
-    Ends, LANES, Lanes, TEXELS, Texels, beside_axis, gather, limited, nearest, principal_axis,
+    Ends, LANES, Lanes, Mask, TEXELS, Texels, beside_axis, ends_on_axis, gather, keep_better, limited,
+    moments_of, nearest, principal_axis,
 };
 use super::{BlockCoding, Quality};
 use modes::{Mode, Mode0, Mode1, Mode2, Mode3, Mode6, code, kept, most, rounded, subset_of, value, weight};
@@ -70,9 +71,6 @@ pub(super) fn bc7(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
         }
     }
 }
-
-/// 1 for texels that count, else 0.
-type Mask = [Lanes; TEXELS];
 
 struct Blocks<'a> {
     /// 0..255.
@@ -296,14 +294,7 @@ impl Blocks<'_> {
         self.try_codes::<M>(&subset, &around, &mut best);
         let insets = if M::SUBSETS == 1 { self.effort.insets_of_one } else { self.effort.insets };
         for (low, high) in insets.iter().flat_map(|low| insets.iter().map(move |high| (low, high))) {
-            let mut ends = [[[0.0; LANES]; 3]; 2];
-            for c in 0..3 {
-                for i in 0..LANES {
-                    let width = range[1][i] - range[0][i];
-                    ends[0][c][i] = means[c][i] + axis[c][i] * (range[0][i] + low * width);
-                    ends[1][c][i] = means[c][i] + axis[c][i] * (range[1][i] - high * width);
-                }
-            }
+            let ends = ends_on_axis(&means, &axis, &range, [*low, *high]);
             let mut sums = self.sums::<M>(mask, &ends);
             for _ in 0..self.effort.turns {
                 let codes = refitted::<M>(&subset, &sums, &ends);
@@ -316,21 +307,7 @@ impl Blocks<'_> {
     /// The principal axis of the texels that count, and their least and largest place along it from the mean.
     #[inline(always)]
     fn line(&self, mask: &Mask, means: &[Lanes; 3]) -> ([Lanes; 3], [Lanes; 2]) {
-        let mut moments = [[0.0f32; LANES]; 6];
-        for (texel, mask) in self.texels.iter().zip(mask) {
-            for i in 0..LANES {
-                let x = mask[i] * (texel[0][i] - means[0][i]);
-                let y = mask[i] * (texel[1][i] - means[1][i]);
-                let z = mask[i] * (texel[2][i] - means[2][i]);
-                moments[0][i] += x * x;
-                moments[1][i] += x * y;
-                moments[2][i] += x * z;
-                moments[3][i] += y * y;
-                moments[4][i] += y * z;
-                moments[5][i] += z * z;
-            }
-        }
-        let axis = principal_axis(&moments);
+        let axis = principal_axis(&moments_of(self.texels, mask, means));
         // The mean is among them: others count as there.
         let mut range = [[0.0f32; LANES]; 2];
         for (texel, mask) in self.texels.iter().zip(mask) {
@@ -399,17 +376,7 @@ impl Blocks<'_> {
             }
         }
         let sums = self.sums::<M>(subset.mask, &ends);
-        for end in 0..2 {
-            for c in 0..3 {
-                for i in 0..LANES {
-                    let better = sums.error[i] < best.error[i];
-                    best.codes[end][c][i] = if better { codes[end][c][i] } else { best.codes[end][c][i] };
-                }
-            }
-        }
-        for i in 0..LANES {
-            best.error[i] = if sums.error[i] < best.error[i] { sums.error[i] } else { best.error[i] };
-        }
+        keep_better(&sums.error, codes, &mut best.error, &mut best.codes);
         sums
     }
 }
@@ -493,16 +460,7 @@ fn refitted<M: Mode>(subset: &Subset<'_>, sums: &Sums, ends: &Ends) -> Ends {
                 error[i] += of_channel;
             }
         }
-        for end in 0..2 {
-            for c in 0..3 {
-                for i in 0..LANES {
-                    codes[end][c][i] = if error[i] < least[i] { own[end][c][i] } else { codes[end][c][i] };
-                }
-            }
-        }
-        for i in 0..LANES {
-            least[i] = if error[i] < least[i] { error[i] } else { least[i] };
-        }
+        keep_better(&error, &own, &mut least, &mut codes);
     }
     codes
 }

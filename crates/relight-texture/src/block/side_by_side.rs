@@ -47,6 +47,63 @@ pub(super) fn limited(value: f32, most: f32) -> f32 {
     if low < most { low } else { most }
 }
 
+/// 1 for texels that count, else 0.
+pub(super) type Mask = [Lanes; TEXELS];
+
+/// The moments xx, xy, xz, yy, yz, zz of the texels that count about their mean.
+#[inline(always)]
+pub(super) fn moments_of(texels: &Texels, mask: &Mask, means: &[Lanes; 3]) -> [Lanes; 6] {
+    let mut moments = [[0.0f32; LANES]; 6];
+    for (texel, mask) in texels.iter().zip(mask) {
+        for i in 0..LANES {
+            let x = mask[i] * (texel[0][i] - means[0][i]);
+            let y = mask[i] * (texel[1][i] - means[1][i]);
+            let z = mask[i] * (texel[2][i] - means[2][i]);
+            moments[0][i] += x * x;
+            moments[1][i] += x * y;
+            moments[2][i] += x * z;
+            moments[3][i] += y * y;
+            moments[4][i] += y * z;
+            moments[5][i] += z * z;
+        }
+    }
+    moments
+}
+
+/// Ends on the axis through the mean, with shares `insets` of the range cut off at its start and at its end.
+#[inline(always)]
+pub(super) fn ends_on_axis(
+    means: &[Lanes; 3],
+    axis: &[Lanes; 3],
+    range: &[Lanes; 2],
+    insets: [f32; 2],
+) -> Ends {
+    let mut ends = [[[0.0; LANES]; 3]; 2];
+    for c in 0..3 {
+        for i in 0..LANES {
+            let width = range[1][i] - range[0][i];
+            ends[0][c][i] = means[c][i] + axis[c][i] * (range[0][i] + insets[0] * width);
+            ends[1][c][i] = means[c][i] + axis[c][i] * (range[1][i] - insets[1] * width);
+        }
+    }
+    ends
+}
+
+/// Ends whose error is less take the place of the best.
+#[inline(always)]
+pub(super) fn keep_better(error: &Lanes, ends: &Ends, best_error: &mut Lanes, best: &mut Ends) {
+    for end in 0..2 {
+        for c in 0..3 {
+            for i in 0..LANES {
+                best[end][c][i] = if error[i] < best_error[i] { ends[end][c][i] } else { best[end][c][i] };
+            }
+        }
+    }
+    for i in 0..LANES {
+        best_error[i] = if error[i] < best_error[i] { error[i] } else { best_error[i] };
+    }
+}
+
 /// The principal axis of each block, about as long as 1, from the moments xx, xy, xz, yy, yz, zz about the mean; 0 where there is none.
 #[inline(always)]
 pub(super) fn principal_axis(moments: &[Lanes; 6]) -> [Lanes; 3] {
