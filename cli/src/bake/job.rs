@@ -3,7 +3,7 @@
 use super::keys::{key_of, provenance};
 use super::making::{Planned, bytes_beside};
 use super::{BakeArguments, Division, Stages, load, spill_folder, split};
-use crate::budget::heat_map_files;
+use crate::budget::{HELD_OUT, heat_map_files};
 use crate::failure::Failure;
 use crate::near::surface_bytes;
 use crate::options::{Machine, check_apart, check_writable};
@@ -79,7 +79,7 @@ impl<'a> Job<'a> {
             check_heat_maps(folder, arguments.report.is_some())?;
         }
         let is_stage = |name: &str| match name {
-            "held-out" => arguments.holdout.is_some(),
+            HELD_OUT => arguments.holdout.is_some(),
             _ => arguments.textures.may_have_stage(name, format),
         };
         let heat_maps = arguments.heatmaps.iter().flat_map(|folder| heat_map_files(folder, is_stage));
@@ -120,19 +120,25 @@ impl<'a> Job<'a> {
             beside(output, &file.suffix)
                 .is_some_and(|path| tree_hash(&path).is_ok_and(|hash| hash == file.hash))
         });
-        let reported = self.report_files.as_ref().is_none_or(|(json, _)| {
-            let text = relight_formats::read_text(json).unwrap_or_default();
-            let report: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
-            report["key"] == hexadecimal(&key)
-        });
-        let depfile = self.arguments.build.file();
-        // Blocks that --block auto didn't choose have no map; the report tells that all were written.
-        let is_sure = |path: &&PathBuf| {
-            Some(*path) != depfile
-                && self.arguments.heatmaps.as_ref().is_none_or(|folder| !path.starts_with(folder))
+        let report: serde_json::Value =
+            self.report_files.as_ref().map_or_else(Default::default, |(json, _)| {
+                let text = relight_formats::read_text(json).unwrap_or_default();
+                serde_json::from_str(&text).unwrap_or_default()
+            });
+        let reported = self.report_files.is_none() || report["key"] == hexadecimal(&key);
+        // Heat maps are of the stages that the report has.
+        let stages = report["error_budget"]["stages"].as_array();
+        let is_stage =
+            |name: &str| stages.is_some_and(|stages| stages.iter().any(|stage| stage["name"] == name));
+        let maps_of = |is_stage: &dyn Fn(&str) -> bool| -> Vec<PathBuf> {
+            self.arguments.heatmaps.iter().flat_map(|folder| heat_map_files(folder, is_stage)).collect()
         };
-        let drawn = self.arguments.heatmaps.as_ref().is_none_or(|folder| folder.is_dir());
-        whole && reported && drawn && self.beside_asset.iter().filter(is_sure).all(|path| path.is_file())
+        let (possible, drawn) = (maps_of(&|_| true), maps_of(&is_stage));
+        let depfile = self.arguments.build.file();
+        let is_other = |path: &&PathBuf| Some(*path) != depfile && !possible.contains(path);
+        whole
+            && reported
+            && self.beside_asset.iter().filter(is_other).chain(&drawn).all(|path| path.is_file())
     }
 
     /// All files that it reads, each once; `left_out` are the pictures that judge.

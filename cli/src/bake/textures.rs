@@ -1,5 +1,6 @@
 //! From options and the planes' distributions to where every plane lies: formats, scale and bias.
 
+use crate::budget::{BLOCK_CODING, JPEG, QUANTISATION};
 use crate::failure::{Exit, Failure};
 use crate::interrupt;
 use crate::options::{WrapChoice, optional, words_of};
@@ -341,9 +342,9 @@ impl TextureOptions {
     /// Whether a step of the error budget may be there: `--block auto` may choose no blocks, and searches any.
     pub(crate) fn may_have_stage(&self, name: &str, format: &AssetFormat) -> bool {
         match name {
-            "quantisation" => self.block != BlockChoice::None || self.precision != Some(PrecisionChoice::F32),
-            "block coding" => self.block != BlockChoice::None,
-            "JPEG" => format.folder || self.jpeg_quality.is_some(),
+            QUANTISATION => self.block != BlockChoice::None || self.precision != Some(PrecisionChoice::F32),
+            BLOCK_CODING => self.block != BlockChoice::None,
+            JPEG => format.folder || self.jpeg_quality.is_some(),
             _ => true,
         }
     }

@@ -1,6 +1,7 @@
 //! What an asset was before its coefficients were quantised, and before its codes went into blocks or JPEG: files that are
 //! made in the same pass and kept until it is known what each step lost.
 
+use crate::budget::{BLOCK_CODING, JPEG, QUANTISATION};
 use crate::failure::Failure;
 use relight_core::CoefficientRange;
 use relight_formats::{AssetFormat, AssetHeader, AssetWriter, WriteSettings};
@@ -57,12 +58,12 @@ impl Versions {
         let float = create("float", textures, packing_of(vec![array(float, planes)]))?;
         let mut steps = Vec::new();
         let coded = if header.packing.formats().any(|format| matches!(format, TexelFormat::Block(_))) {
-            Some(("block coding", textures))
+            Some((BLOCK_CODING, textures))
         } else if format.folder {
-            Some(("JPEG", textures))
+            Some((JPEG, textures))
         } else {
             // The same file without JPEG has the same codes.
-            settings.jpeg_quality.map(|_| ("JPEG", format))
+            settings.jpeg_quality.map(|_| (JPEG, format))
         };
         match coded {
             Some((step, format)) => {
@@ -78,9 +79,6 @@ impl Versions {
         Ok((Self { float, steps }, writers))
     }
 }
-
-/// What turns coefficients into codes or halves.
-const QUANTISATION: &str = "quantisation";
 
 fn packing_of(arrays: Vec<ArrayPlan>) -> Packing {
     Packing { arrays, levels: 1, wrap: Wrap::Clamp }

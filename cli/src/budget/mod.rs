@@ -75,8 +75,19 @@ pub(crate) struct GpuDifference {
     pub(crate) lights: usize,
 }
 
-/// The names of all stages that there are.
-pub(crate) const STAGES: [&str; 5] = ["fit", "held-out", "quantisation", "block coding", "JPEG"];
+/// The stage of the fit, judged by the fitted pictures.
+pub(crate) const FIT: &str = "fit";
+/// The same, judged by pictures that are left out.
+pub(crate) const HELD_OUT: &str = "held-out";
+/// What turns coefficients into codes or halves.
+pub(crate) const QUANTISATION: &str = "quantisation";
+/// Blocks of codes.
+pub(crate) const BLOCK_CODING: &str = "block coding";
+/// Planes in JPEG.
+pub(crate) const JPEG: &str = "JPEG";
+
+/// All stages that there are.
+const STAGES: [&str; 5] = [FIT, HELD_OUT, QUANTISATION, BLOCK_CODING, JPEG];
 
 /// Worst pixels that are named.
 const WORST: usize = 10;
@@ -113,11 +124,11 @@ impl Account<'_> {
         let read = |file: &Path| Ok::<_, Failure>(read_asset(file, machine.memory)?);
         let mut entries = Entries::default();
         let mut maps = read(&self.versions.float)?;
-        let mut name = STAGES[0];
+        let mut name = FIT;
         if self.left_out.is_some() {
             let mut seen = self.seen.compare(&maps, machine)?;
             entries.stage(name, &mut seen);
-            name = STAGES[1];
+            name = HELD_OUT;
         }
         let mut evaluation = judges.compare(&maps, machine)?;
         entries.judged_stage(name, &mut evaluation);

@@ -1,6 +1,6 @@
 //! An error budget in words, as JSON and as pictures.
 
-use super::{Budget, STAGES, Stage, WorstPixel};
+use super::{Budget, HELD_OUT, STAGES, Stage, WorstPixel};
 use crate::evaluate::heat_map;
 use crate::failure::Failure;
 use relight_formats::{PictureDepth, create_folder, remove_file, write_picture};
@@ -39,7 +39,7 @@ impl Budget {
             // Text in memory takes all that is written.
             let _ = write!(sum, "{sign}{name} {:.2e}", adds.abs());
         }
-        let judges = match self.stages.iter().any(|stage| stage.name == STAGES[1]) {
+        let judges = match self.stages.iter().any(|stage| stage.name == HELD_OUT) {
             true => "left-out",
             false => "fitted",
         };
