@@ -170,8 +170,7 @@ fn print(plan: &Plan, moments: &Moments, file: &RigFile, tolerance: f64, seconds
     );
     if errors.iter().any(|error| *error > tolerance) {
         notes::print(&[format!(
-            "errors are above the tolerance of {tolerance} with every light that matters evaluated at each point, in f32; \
-             give a larger one"
+            "the strictest plan that was tried errs by more than the tolerance of {tolerance}; give a larger one"
         )]);
     }
     for (part, rule) in file.rig.parts.iter().zip(&plan.rules) {
