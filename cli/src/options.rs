@@ -5,7 +5,7 @@ use crate::say::is_dash;
 use crate::thread_tokens;
 use clap::{Args, ValueEnum};
 use relight_core::{CpuLevel, Wrap};
-use relight_formats::{OutputFile, picture_depths, place_of};
+use relight_formats::{OutputFile, picture_depths, place_of, stamp_of};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -45,9 +45,14 @@ pub(crate) fn check_apart<'a>(
     outputs: impl IntoIterator<Item = &'a PathBuf>,
     inputs: impl IntoIterator<Item = &'a PathBuf>,
 ) -> Result<(), Failure> {
-    let mut taken: HashSet<PathBuf> = inputs.into_iter().filter_map(|path| place_of(path)).collect();
+    let mut taken = HashSet::new();
+    let inputs: Vec<_> = inputs.into_iter().map(|path| (path, stamp_of(path))).collect();
     for output in outputs.into_iter().filter(|output| !is_dash(output)) {
-        if place_of(output).is_some_and(|place| !taken.insert(place)) {
+        let Some(place) = place_of(output) else { continue };
+        // To follow links takes a call of the system for each folder above, of each input: first what one call tells.
+        let stamp = stamp_of(output);
+        let mut alike = inputs.iter().filter(|(_, other)| *other == stamp);
+        if alike.any(|(input, _)| place_of(input).as_ref() == Some(&place)) || !taken.insert(place) {
             let message = format!(
                 "{} is another file of this command too; give the output a name of its own",
                 output.display()
@@ -188,6 +193,30 @@ impl FromStr for MemorySize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn outputs_are_told_from_inputs_by_where_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| folder.path().join(name);
+        for name in ["a", "twin"] {
+            std::fs::write(file(name), "same").unwrap();
+        }
+        let time = std::fs::metadata(file("a")).unwrap().modified().unwrap();
+        std::fs::File::options().write(true).open(file("twin")).unwrap().set_modified(time).unwrap();
+        let apart = |outputs: &[&str], inputs: &[&str]| {
+            let [outputs, inputs] =
+                [outputs, inputs].map(|names| names.iter().map(|n| file(n)).collect::<Vec<_>>());
+            check_apart(&outputs, &inputs).is_ok()
+        };
+        assert!(apart(&["twin", "new"], &["a"]), "another file of the same length and time");
+        assert!(!apart(&["new", "a"], &["twin", "a"]));
+        assert!(!apart(&["new", "./new"], &[]) && !apart(&["new"], &["new"]), "files that are not there yet");
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(file("a"), file("link")).unwrap();
+            assert!(!apart(&["link"], &["a"]) && !apart(&["a"], &["link"]) && apart(&["link"], &["twin"]));
+        }
+    }
 
     #[test]
     fn sizes_are_powers_of_1024() {

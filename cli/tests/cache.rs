@@ -46,6 +46,11 @@ fn storing_anew_takes_the_fit_up_and_gives_the_same_bytes() {
                 continue;
             }
             assert!(run.stdout.contains("the fit is taken up"), "{again}\n{}\n{}", run.stdout, run.stderr);
+            assert!(
+                !run.stdout.contains("ranges "),
+                "how coefficients are distributed is known: {}",
+                run.stdout
+            );
             assert_eq!(fs::read(here.join("a.ktx2")).unwrap(), plain(here, &again), "{again}");
         }
     }
@@ -62,6 +67,18 @@ fn storing_anew_takes_the_fit_up_and_gives_the_same_bytes() {
         assert_eq!(before[key], after[key], "{key}");
     }
     assert_eq!(after["cache"]["tiles_taken"], 1);
+}
+
+#[test]
+fn a_budget_makes_how_planes_are_stored_part_of_the_fit() {
+    let folder = here();
+    let here = folder.path();
+    let options = "--crop 96x80+150+160 --basis pca --budget-bytes 12K";
+    for storing in ["--block bc7", "--block bc1", "--block bc1 --mips", "--block bc7"] {
+        let line = format!("{options} {storing}");
+        relight(here, &format!("bake set -o a.ktx2 --cache kept {line}")).ok();
+        assert_eq!(fs::read(here.join("a.ktx2")).unwrap(), plain(here, &line), "{storing}");
+    }
 }
 
 #[test]

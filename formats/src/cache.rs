@@ -79,10 +79,14 @@ impl Cache {
         Ok(Self { folder: folder.to_owned(), limit })
     }
 
-    /// The folder of the fit of `key`, which may be empty as yet; `None` where `bytes` of it are more than the cache may hold.
-    pub fn fit(&self, key: [u8; 32], bytes: u64) -> Option<FitFolder> {
-        let folder = self.folder.join("fits").join(hexadecimal(&key[..16]));
-        (bytes <= self.limit).then(|| FitFolder::new(folder, key))
+    /// The folder of the fit of `key`, which may be empty as yet.
+    pub fn fit(&self, key: [u8; 32]) -> FitFolder {
+        FitFolder::new(self.folder.join("fits").join(hexadecimal(&key[..16])), key)
+    }
+
+    /// Whether a fit of `bytes` bytes is within what the cache may hold.
+    pub fn has_room_for(&self, bytes: u64) -> bool {
+        bytes <= self.limit
     }
 
     /// What was made of the provenance `key`; `None` where that isn't known.

@@ -27,12 +27,13 @@ pub fn content_key<'a>(
 #[derive(Clone, Debug)]
 pub struct Stamps(Vec<(PathBuf, Stamp)>);
 
-type Stamp = Option<(u64, Option<SystemTime>)>;
+/// Length and time of change of a file, where it is there.
+pub type Stamp = Option<(u64, Option<SystemTime>)>;
 
 impl Stamps {
     /// Those of `files`.
     pub fn of<'a>(files: impl IntoIterator<Item = &'a PathBuf>) -> Self {
-        Self(files.into_iter().map(|path| (path.clone(), stamp(path))).collect())
+        Self(files.into_iter().map(|path| (path.clone(), stamp_of(path))).collect())
     }
 
     /// Fails where one has changed since.
@@ -40,14 +41,15 @@ impl Stamps {
     /// # Errors
     /// [`FormatError::Invalid`] naming the file.
     pub fn check(&self) -> Result<(), FormatError> {
-        match self.0.iter().find(|(path, before)| stamp(path) != *before) {
+        match self.0.iter().find(|(path, before)| stamp_of(path) != *before) {
             Some((path, _)) => Err(FormatError::changed(path)),
             None => Ok(()),
         }
     }
 }
 
-fn stamp(path: &Path) -> Stamp {
+/// The stamp of the file at `path`, links followed.
+pub fn stamp_of(path: &Path) -> Stamp {
     let about = std::fs::metadata(path).ok()?;
     Some((about.len(), about.modified().ok()))
 }

@@ -35,7 +35,8 @@ pub use cache::{Cache, FitFolder, Made, MadeFile, Odd, TileGrid, TileStack, Tile
 pub use camera_file::read_camera_file;
 pub use capture_folder::{OpenCapture, open_capture};
 pub use content::{
-    Stamps, bytes_on_disk, content_hash, content_key, hexadecimal, record_key, remove_file, tree_hash,
+    Stamp, Stamps, bytes_on_disk, content_hash, content_key, hexadecimal, record_key, remove_file, stamp_of,
+    tree_hash,
 };
 pub use crop::Crop;
 pub use depth_file::read_depth_file;

@@ -39,6 +39,11 @@ enum Kind {
 }
 
 impl Choice {
+    /// These functions and no others.
+    pub(super) fn of(basis: Basis) -> Self {
+        Self { kind: Kind::Functions(basis), notes: Vec::new() }
+    }
+
     /// No more planes than `budget` bytes of texels in all levels hold.
     ///
     /// # Errors

@@ -4,9 +4,9 @@ use super::fit::{BakeFit, Solved};
 use crate::failure::Failure;
 use crate::{interrupt, progress};
 use rayon::prelude::*;
-use relight_core::{Basis, CpuLevel, FitFigures, Model, Stack};
+use relight_core::{Basis, CoefficientDistribution, CpuLevel, FitFigures, Model, Stack};
 use relight_fit::{FitError, LeaveOneOut, Misfit, PixelFit, Refit, SPAN, for_each_span_within};
-use relight_formats::{FitFolder, FormatError, TileGrid, TileStack, Tiles};
+use relight_formats::{FitFolder, FormatError, Odd, TileGrid, TileStack, Tiles};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -84,25 +84,27 @@ pub(crate) struct Keeper {
     pub(crate) size: (usize, usize),
     pub(crate) grid: TileGrid,
     pub(crate) counts: CacheUse,
+    /// What the fit found, between [`Self::basis`] and [`Self::take_up`].
+    facts: Option<Facts>,
 }
 
 impl Keeper {
     /// For a picture of `size` pixels.
     pub(crate) fn new(folder: FitFolder, size: (usize, usize)) -> Self {
         let grid = TileGrid::new(size.0 * size.1, SPAN);
-        Self { folder, size, grid, counts: CacheUse::default() }
+        Self { folder, size, grid, counts: CacheUse::default(), facts: None }
     }
 
-    /// The fit, where it is there and whole.
+    /// The functions of the fit, where what it found is there and whole.
+    pub(crate) fn basis(&mut self) -> Option<Basis> {
+        let facts = self.folder.facts::<Facts>();
+        self.facts = self.unless_odd(facts);
+        serde_json::from_str(&self.facts.as_ref()?.basis).ok()
+    }
+
+    /// The fit of which [`Self::basis`] gave the functions, where its coefficients are there and whole too.
     pub(crate) fn take_up(&mut self, model: &Model) -> Option<(BakeFit<'static>, TileStack)> {
-        let facts = match self.folder.facts::<Facts>() {
-            Ok(facts) => facts?,
-            Err(_) => {
-                self.counts.odd += 1;
-                return None;
-            }
-        };
-        let (fit, planes) = facts.fit(model)?;
+        let (fit, planes) = self.facts.take()?.fit(model)?;
         let all: Vec<usize> = (0..self.grid.count()).collect();
         let tiles = self.folder.tiles(self.grid, planes, &all);
         self.counts.odd += tiles.odd;
@@ -110,6 +112,20 @@ impl Keeper {
         let stack = TileStack::new(&self.folder, self.size, self.grid, planes, tiles)?;
         self.counts.taken = taken;
         Some((fit, stack))
+    }
+
+    /// How the coefficients of each plane are distributed, where that was kept; nothing otherwise.
+    pub(crate) fn distributions(&mut self) -> Vec<CoefficientDistribution> {
+        let kept = self.folder.distributions();
+        self.unless_odd(kept).unwrap_or_default()
+    }
+
+    /// What was in a file, which counts where it was odd.
+    fn unless_odd<T>(&mut self, found: Result<Option<T>, Odd>) -> Option<T> {
+        found.unwrap_or_else(|Odd| {
+            self.counts.odd += 1;
+            None
+        })
     }
 
     /// Whether only what the fit found is missing.

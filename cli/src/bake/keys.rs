@@ -43,6 +43,12 @@ pub(super) fn provenance(
     let mut storing: std::collections::BTreeMap<_, _> = owned(arguments.textures.named(format)).collect();
     storing.insert("format".to_owned(), format.name.to_owned());
     storing.insert("positions".to_owned(), with_positions.to_string());
+    if arguments.fit.budget_bytes().is_some() {
+        // How a plane is stored decides how many fit: here it is part of the fit.
+        for name in ["format", "precision", "block", "mips"] {
+            fit.insert(format!("budget_{name}"), storing[name].clone());
+        }
+    }
     let near = arguments.near.is_given();
     if near {
         fit.extend(owned(arguments.near.named()));

@@ -8,7 +8,7 @@ use super::versions::Versions;
 use crate::failure::Failure;
 use crate::options::Machine;
 use crate::{interrupt, progress};
-use relight_core::{Model, Space, Stack};
+use relight_core::{Basis, CoefficientDistribution, Model, Space, Stack};
 use relight_fit::{ChannelSample, FitError, Misfit, NearLamps, Sample, for_each_span, misfits, span_bytes};
 use relight_formats::{
     AssetFormat, AssetHeader, AssetPlan, AssetPositions, OpenCapture, Parts, WriteSettings,
@@ -33,6 +33,14 @@ pub(crate) struct Planned<'a> {
     formats: Vec<TexelFormat>,
     levels: usize,
     choice: Choice,
+}
+
+/// What coefficients come from, and what is known of them.
+pub(crate) struct Coefficients<'a> {
+    pub(crate) fit: &'a BakeFit<'a>,
+    pub(crate) stack: &'a dyn Stack,
+    /// Of each plane; where there are none they are found when they are needed.
+    pub(crate) distributions: Vec<CoefficientDistribution>,
 }
 
 /// An asset that was made.
@@ -101,16 +109,38 @@ impl<'a> Planned<'a> {
         space: Space,
         machine: &Machine,
     ) -> Result<Self, Failure> {
+        Self::of(output, fit, textures, capture, space, machine, None)
+    }
+
+    /// [`Self::new`] of a fit that is known to have come out with the functions `known`, which are not chosen again.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn of(
+        output: &Path,
+        fit: &'a FitOptions,
+        textures: &'a TextureOptions,
+        capture: &OpenCapture,
+        space: Space,
+        machine: &Machine,
+        known: Option<Basis>,
+    ) -> Result<Self, Failure> {
         let format = AssetFormat::by_path(output).map_err(Failure::of_output)?;
         let settings = textures.settings(machine.memory)?;
         let layout = fit.layout(capture)?;
         let size = capture.size();
         let formats = textures.formats(format.precisions[0], format, layout)?;
         let levels = textures.levels(size.0, size.1);
-        let mut choice = fit::choose_basis(fit, capture)?;
-        if let Some(budget) = fit.budget_bytes() {
-            choice.keep_within(budget, &formats, size, levels)?;
-        }
+        let choice = match known {
+            Some(basis) => Choice::of(basis),
+            None => {
+                let mut choice = fit::choose_basis(fit, capture)?;
+                if let Some(budget) = fit.budget_bytes() {
+                    choice.keep_within(budget, &formats, size, levels)?;
+                }
+                choice
+            }
+        };
         let lights = capture.capture.lights.directions();
         let model = Model { basis: choice.stored()?, layout, space, lights, figures: None, provenance: None };
         let planned = Self {
@@ -221,28 +251,28 @@ fn common_span(assets: &[&Planned<'_>]) -> usize {
 /// The first gets `positions`; `check` is asked about the files of each before the first is begun.
 pub(crate) fn make(
     assets: &mut [&mut Planned<'_>],
-    fit: &BakeFit<'_>,
-    stack: &dyn Stack,
+    coefficients: &mut Coefficients<'_>,
     mut positions: Option<AssetPositions>,
     machine: &Machine,
     stages: &mut Stages,
     check: &dyn Fn(&[PathBuf]) -> Result<(), Failure>,
 ) -> Result<Vec<Made>, Failure> {
+    let Coefficients { fit, stack, distributions } = coefficients;
     for asset in assets.iter_mut() {
         asset.model = asset.model_of(fit);
     }
     let assets: Vec<&Planned<'_>> = assets.iter().map(|asset| &**asset).collect();
     let needs_ranges = |asset: &&Planned<'_>| asset.formats.iter().any(|&f| asset.format.needs_ranges(f));
     let (pixel_fit, level) = (fit.solved.pixel_fit(), machine.level);
-    let distributions = stages.time("ranges", || match assets.iter().any(needs_ranges) {
-        true => textures::distributions(stack, pixel_fit, level),
-        false => Ok(Vec::new()),
-    })?;
+    let known = assets.first().is_some_and(|asset| asset.model.plane_count() == distributions.len());
+    if !known && assets.iter().any(needs_ranges) {
+        *distributions = stages.time("ranges", || textures::distributions(*stack, pixel_fit, level))?;
+    }
     let plans = stages.time("formats", || -> Result<Vec<_>, Failure> {
         let trial = match assets.iter().any(|asset| asset.textures.tries()) {
             true => {
                 let left_out = fit.solved.leave_one_out().left_out.clone();
-                Some(Trial::of(stack, pixel_fit, level, left_out)?)
+                Some(Trial::of(*stack, pixel_fit, level, left_out)?)
             }
             false => None,
         };
@@ -284,7 +314,7 @@ pub(crate) fn make(
     let bar = progress::bar("fitting", stack.pixels());
     let packed = stages.time("fit and write", || -> Result<Vec<_>, Failure> {
         let span = common_span(&assets);
-        for_each_span::<Failure>(stack, pixel_fit, level, span, |span| {
+        for_each_span::<Failure>(*stack, pixel_fit, level, span, |span| {
             for (writer, nanoseconds) in &writers {
                 interrupt::check()?;
                 let start = Instant::now();

@@ -32,7 +32,7 @@ use job::suffix_of;
 pub(crate) use job::{Job, Ready, input_files, job_pictures};
 pub(crate) use kept::{CacheUse, KeepError, Keeper};
 pub(crate) use keys::{fit_key_of, key_of};
-pub(crate) use making::{Made, Planned, Samples, bytes_beside, make};
+pub(crate) use making::{Coefficients, Made, Planned, Samples, bytes_beside, make};
 use relight_core::{Space, Stack};
 use relight_fit::{LevelledStack, NearLamps};
 use relight_formats::{
@@ -202,23 +202,31 @@ pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result
         Some(found) => (&found.fit, &found.textures),
         None => (&arguments.fit, &arguments.textures),
     };
-    let mut planned = Planned::new(&arguments.output, fit, textures, &fitted, space, machine)?;
-    planned.model.provenance = Some(Box::new(provenance.clone()));
-
     let mut keeper = match &keeping {
         // What a search finds, it has measured on the way.
         Keeping::In(_) if found.is_some() => None,
-        Keeping::In(cache) => cache.as_ref().and_then(|cache| {
-            let folder = cache.fit(fit_key_of(provenance), planned.float_bytes());
-            if folder.is_none() {
-                scene_notes
-                    .push("the coefficients are more than --cache-size allows and are not kept".to_owned());
-            }
-            Some(Keeper::new(folder?, fitted.size()))
-        }),
-        Keeping::Merged(folder) => Some(Keeper::new(folder.clone(), fitted.size())),
+        Keeping::In(cache) => cache.as_ref().map(|cache| cache.fit(fit_key_of(provenance))),
+        Keeping::Merged(folder) => Some(folder.clone()),
+    }
+    .map(|folder| Keeper::new(folder, fitted.size()));
+    let plan = |known| -> Result<_, Failure> {
+        let mut planned = Planned::of(&arguments.output, fit, textures, &fitted, space, machine, known)?;
+        planned.model.provenance = Some(Box::new(provenance.clone()));
+        Ok(planned)
     };
+    let known = keeper.as_mut().and_then(Keeper::basis);
+    let mut planned = plan(known.clone())?;
+    if let Keeping::In(Some(cache)) = &keeping
+        && keeper.is_some()
+        && !cache.has_room_for(planned.float_bytes())
+    {
+        keeper = None;
+        scene_notes.push("the coefficients are more than --cache-size allows and are not kept".to_owned());
+    }
     let taken = stages.time("cache", || keeper.as_mut().and_then(|keeper| keeper.take_up(&planned.model)));
+    if taken.is_none() && known.is_some() {
+        planned = plan(None)?;
+    }
     let (pictures, levelled, tiles);
     let mut spilled = 0;
     let (mut fit, stack): (BakeFit<'_>, &dyn Stack) = match taken {
@@ -265,7 +273,16 @@ pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result
         None => None,
     };
     planned.keep_versions_in = scratch.as_ref().map(|folder| folder.path().to_owned());
-    let mut made = make(&mut [&mut planned], &fit, stack, positions, machine, &mut stages, &check)?;
+    let distributions = keeper.as_mut().map(Keeper::distributions).unwrap_or_default();
+    let known = distributions.len();
+    let mut coefficients = Coefficients { fit: &fit, stack, distributions };
+    let mut made = make(&mut [&mut planned], &mut coefficients, positions, machine, &mut stages, &check)?;
+    if let (Keeping::In(_), Some(keeper)) = (&keeping, &keeper)
+        && coefficients.distributions.len() != known
+    {
+        // Where they can't be kept, the next bake finds them again.
+        drop(keeper.folder.keep_distributions(&coefficients.distributions));
+    }
     let Made { plan, packed, versions, files, .. } = made.swap_remove(0);
     fit.notes.extend(fit.misfit_notes(&fitted));
     fit.notes.extend(found.as_ref().map(|found| found.why.clone()));

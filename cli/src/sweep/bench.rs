@@ -5,7 +5,7 @@ use super::axes::GridPoint;
 use super::gpu_time::GpuClock;
 use super::outcome::{Judged, Outcome, Times, outcome_of};
 use super::render_time::render_times;
-use crate::bake::{BakeFit, Made, Planned, Samples, Stages, bytes_beside, load, make};
+use crate::bake::{BakeFit, Coefficients, Made, Planned, Samples, Stages, bytes_beside, load, make};
 use crate::evaluate::{self, PixelError};
 use crate::failure::Failure;
 use crate::options::Machine;
@@ -124,7 +124,8 @@ impl<'a> Bench<'a> {
     ) -> Result<Vec<Outcome>, Failure> {
         let Opened { fitted, machine, .. } = self.opened;
         let mut assets: Vec<&mut Planned<'_>> = planned.iter_mut().collect();
-        let made = make(&mut assets, fit, &self.decoded.stack, None, machine, stages, check)?;
+        let mut coefficients = Coefficients { fit, stack: &self.decoded.stack, distributions: Vec::new() };
+        let made = make(&mut assets, &mut coefficients, None, machine, stages, check)?;
         let shares = shares(&made, stages, machine);
         let mut outcomes = Vec::new();
         for (((point, planned), made), writing) in points.iter().zip(&*planned).zip(&made).zip(shares) {

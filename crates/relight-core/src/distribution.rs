@@ -2,6 +2,7 @@
 //! which scale and bias are chosen, and a scatter of blocks, by which formats are.
 
 use crate::CoefficientRange;
+use serde::{Deserialize, Serialize};
 
 /// Mantissa bits that buckets tell apart: 32 buckets an octave, each 2 to 3 % wide.
 const MANTISSA_BITS: u32 = 5;
@@ -20,10 +21,22 @@ const NOT_FINITE: usize = 0xff << MANTISSA_BITS;
 /// How many coefficients of a plane lie where: least and largest exactly, all others in buckets of
 /// 32 an octave of either sign, so that a plane of any magnitude is resolved alike.
 ///
-/// Takes 128 KiB whatever the picture's size. All of it is integers, least and largest: any order of
-/// adding and merging gives the same.
-#[derive(Clone, Debug, PartialEq)]
+/// A [`CoefficientCounter`] makes it. Buckets that are empty take no memory.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CoefficientDistribution {
+    range: CoefficientRange,
+    count: u64,
+    first_not_finite: Option<u64>,
+    /// Those of finite coefficients, rising: the upper bits of the f32, and how many there are.
+    buckets: Vec<(u32, u64)>,
+}
+
+/// Counts coefficients of a plane for their distribution.
+///
+/// Takes 128 KiB whatever the picture's size. All of it is integers, least and largest: any order of
+/// adding gives the same.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoefficientCounter {
     range: CoefficientRange,
     count: u64,
     first_not_finite: Option<usize>,
@@ -54,14 +67,14 @@ pub struct CoefficientSample {
     pub planes: Vec<Vec<f32>>,
 }
 
-impl Default for CoefficientDistribution {
+impl Default for CoefficientCounter {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl CoefficientDistribution {
-    /// The distribution of nothing.
+impl CoefficientCounter {
+    /// With nothing counted.
     pub fn new() -> Self {
         Self { range: CoefficientRange::EMPTY, count: 0, first_not_finite: None, counts: no_counts() }
     }
@@ -102,16 +115,34 @@ impl CoefficientDistribution {
         }
     }
 
-    /// Adds all that `other` holds.
-    pub fn merge(&mut self, other: &Self) {
-        self.range = self.range.union(other.range);
-        self.count += other.count;
-        self.note_not_finite(other.first_not_finite);
-        for (count, other) in self.counts.iter_mut().zip(&*other.counts) {
-            *count += other;
+    /// The distribution of what was counted.
+    pub fn distribution(&self) -> CoefficientDistribution {
+        let (positive, negative) = self.counts.split_at(BUCKETS_OF_A_SIGN);
+        let falling = (0..NOT_FINITE).rev().map(|i| (BUCKETS_OF_A_SIGN + i, negative[i]));
+        let rising = (0..NOT_FINITE).map(|i| (i, positive[i]));
+        let buckets = falling.chain(rising).filter(|(_, count)| *count > 0);
+        CoefficientDistribution {
+            range: self.range,
+            count: self.count,
+            first_not_finite: self.first_not_finite.map(|pixel| pixel as u64),
+            buckets: buckets.map(|(index, count)| (index as u32, count)).collect(),
         }
     }
 
+    fn counts_not_finite(&self) -> u64 {
+        let (positive, negative) = self.counts.split_at(BUCKETS_OF_A_SIGN);
+        positive[NOT_FINITE..].iter().chain(&negative[NOT_FINITE..]).sum()
+    }
+
+    fn note_not_finite(&mut self, pixel: Option<usize>) {
+        self.first_not_finite = match (self.first_not_finite, pixel) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (a, b) => a.or(b),
+        };
+    }
+}
+
+impl CoefficientDistribution {
     /// Least and largest coefficient, exactly; NaN left out.
     pub fn range(&self) -> CoefficientRange {
         self.range
@@ -125,31 +156,16 @@ impl CoefficientDistribution {
     /// The first pixel of the picture whose coefficient is NaN or infinite: such a plane has no
     /// scale and no bias.
     pub fn first_not_finite(&self) -> Option<usize> {
-        self.first_not_finite
+        self.first_not_finite.map(|pixel| pixel as usize)
     }
 
     /// The finite coefficients, rising; empty buckets are left out.
     pub fn buckets(&self) -> impl Iterator<Item = Bucket> + '_ {
-        let edge = |index: usize| f32::from_bits((index as u32) << SHIFT).min(f32::MAX);
-        let (positive, negative) = self.counts.split_at(BUCKETS_OF_A_SIGN);
-        let falling = negative[..NOT_FINITE].iter().enumerate().rev();
-        let rising = positive[..NOT_FINITE].iter().enumerate();
-        falling
-            .map(move |(i, count)| Bucket { lower: -edge(i + 1), upper: -edge(i), count: *count })
-            .chain(rising.map(move |(i, count)| Bucket { lower: edge(i), upper: edge(i + 1), count: *count }))
-            .filter(|bucket| bucket.count > 0)
-    }
-
-    fn counts_not_finite(&self) -> u64 {
-        let (positive, negative) = self.counts.split_at(BUCKETS_OF_A_SIGN);
-        positive[NOT_FINITE..].iter().chain(&negative[NOT_FINITE..]).sum()
-    }
-
-    fn note_not_finite(&mut self, pixel: Option<usize>) {
-        self.first_not_finite = match (self.first_not_finite, pixel) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
-        };
+        let edge = |index: u32| f32::from_bits(index << SHIFT).min(f32::MAX);
+        self.buckets.iter().map(move |&(index, count)| match index.checked_sub(BUCKETS_OF_A_SIGN as u32) {
+            Some(below) => Bucket { lower: -edge(below + 1), upper: -edge(below), count },
+            None => Bucket { lower: edge(index), upper: edge(index + 1), count },
+        })
     }
 }
 
@@ -211,9 +227,10 @@ mod tests {
     fn every_coefficient_is_in_its_bucket_and_the_ends_are_exact() {
         for channels in [1, 3, 4] {
             let row = rows(channels, 1001);
-            let mut distributions = vec![CoefficientDistribution::new(); channels];
-            CoefficientDistribution::add_interleaved(&mut distributions, &row, 0);
-            for (channel, distribution) in distributions.iter().enumerate() {
+            let mut counters = vec![CoefficientCounter::new(); channels];
+            CoefficientCounter::add_interleaved(&mut counters, &row, 0);
+            for (channel, counter) in counters.iter().enumerate() {
+                let distribution = counter.distribution();
                 let mut values: Vec<f32> = row[channel..].iter().step_by(channels).copied().collect();
                 values.sort_by(f32::total_cmp);
                 let range = distribution.range();
@@ -234,36 +251,33 @@ mod tests {
 
     #[test]
     fn zeros_of_both_signs_and_denormals_are_near_zero_and_the_largest_float_is_finite() {
-        let mut one = [CoefficientDistribution::new()];
+        let mut one = [CoefficientCounter::new()];
         let row = [0.0, -0.0, 1e-45, -1e-45, f32::MAX, f32::MIN];
-        CoefficientDistribution::add_interleaved(&mut one, &row, 0);
-        let buckets: Vec<Bucket> = one[0].buckets().collect();
+        CoefficientCounter::add_interleaved(&mut one, &row, 0);
+        let distribution = one[0].distribution();
+        let buckets: Vec<Bucket> = distribution.buckets().collect();
         let counts: Vec<u64> = buckets.iter().map(|bucket| bucket.count).collect();
         assert_eq!(counts, [1, 2, 2, 1]);
         assert!(buckets[1].lower > -1e-38 && buckets[2].upper < 1e-38, "{buckets:?}");
         assert_eq!((buckets[0].lower, buckets[3].upper), (f32::MIN, f32::MAX));
-        assert_eq!(one[0].first_not_finite(), None);
+        assert_eq!(distribution.first_not_finite(), None);
     }
 
     #[test]
-    fn spans_in_any_order_merge_to_the_same() {
+    fn spans_in_any_order_give_the_same() {
         let mut row = rows(3, 500);
         row[3 * 77 + 1] = f32::NAN;
         row[3 * 400 + 1] = f32::INFINITY;
         let of = |spans: &[(usize, usize)]| {
-            let mut total = vec![CoefficientDistribution::new(); 3];
+            let mut counters = vec![CoefficientCounter::new(); 3];
             for &(first, end) in spans {
-                let mut span = vec![CoefficientDistribution::new(); 3];
-                CoefficientDistribution::add_interleaved(&mut span, &row[3 * first..3 * end], first);
-                for (total, span) in total.iter_mut().zip(&span) {
-                    total.merge(span);
-                }
+                CoefficientCounter::add_interleaved(&mut counters, &row[3 * first..3 * end], first);
             }
-            total
+            counters
         };
         let whole = of(&[(0, 500)]);
         assert!(whole == of(&[(410, 500), (78, 410), (0, 7), (7, 78)]));
-        assert_eq!(whole.iter().map(CoefficientDistribution::count).sum::<u64>(), 1500);
+        assert_eq!(whole.iter().map(|counter| counter.distribution().count()).sum::<u64>(), 1500);
     }
 
     #[test]
@@ -273,8 +287,9 @@ mod tests {
                 let mut row = rows(3, 100);
                 row[3 * pixel + 2] = bad;
                 row[3 * 99 + 2] = bad;
-                let mut distributions = vec![CoefficientDistribution::new(); 3];
-                CoefficientDistribution::add_interleaved(&mut distributions, &row, 5000);
+                let mut counters = vec![CoefficientCounter::new(); 3];
+                CoefficientCounter::add_interleaved(&mut counters, &row, 5000);
+                let distributions: Vec<_> = counters.iter().map(CoefficientCounter::distribution).collect();
                 let found = distributions.iter().map(CoefficientDistribution::first_not_finite);
                 assert_eq!(found.collect::<Vec<_>>(), [None, None, Some(5000 + pixel)]);
                 let finite: u64 = distributions[2].buckets().map(|bucket| bucket.count).sum();

@@ -38,7 +38,7 @@ pub use basis::{Basis, BasisError, Design, Family};
 pub use camera::{Camera, CameraError, Projection, Ray, Seen};
 pub use cpu::{CpuLevel, UnsupportedCpuLevel, Vectorized};
 pub use direction::{Direction, DirectionError};
-pub use distribution::{Bucket, CoefficientDistribution, CoefficientSample};
+pub use distribution::{Bucket, CoefficientCounter, CoefficientDistribution, CoefficientSample};
 pub use light_set::{Light, LightSet};
 pub use maps::{CoefficientMap, CoefficientRange, CoefficientSpan, RelightingMap, RelightingMaps, Texels};
 pub use model::{FitFigures, Layout, Model, PlaneRole, Space};

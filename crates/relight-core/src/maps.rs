@@ -2,6 +2,7 @@
 
 use crate::Model;
 use half::f16;
+use serde::{Deserialize, Serialize};
 
 /// Planes of f32 coefficients, in the order of [`Model::roles`].
 #[derive(Clone, Debug, PartialEq)]
@@ -33,7 +34,7 @@ pub struct CoefficientSpan<'a> {
 }
 
 /// Least and largest coefficient of a plane.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CoefficientRange {
     /// The least; infinite while nothing was seen.
     pub min: f32,

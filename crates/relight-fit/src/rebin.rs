@@ -10,7 +10,9 @@ use crate::robust::RobustScratch;
 use crate::{FitError, LearnedFit, LeastSquares, NearSolutions, RobustFit};
 use rayon::prelude::*;
 use relight_core::weighted_sums::{Rows, weighted_sums};
-use relight_core::{CoefficientDistribution, CoefficientMap, CoefficientSample, CoefficientSpan};
+use relight_core::{
+    CoefficientCounter, CoefficientDistribution, CoefficientMap, CoefficientSample, CoefficientSpan,
+};
 use relight_core::{CpuLevel, Layout, Model, Spare, Stack, Vectorized};
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
@@ -428,7 +430,7 @@ fn rows_of<'a>(span: &CoefficientSpan<'a>, layout: Layout) -> impl Iterator<Item
 /// The distribution of every plane's coefficients, in the order of [`Model::roles`]; the same with
 /// any number of threads.
 ///
-/// `check` is called once a span. Takes 128 KiB a plane.
+/// `check` is called once a span. Takes 128 KiB a plane on the way.
 ///
 /// # Errors
 /// As [`for_each_span`], and those of `check`.
@@ -444,16 +446,18 @@ pub fn coefficient_distributions<'a, E: From<FitError> + Send>(
         std::iter::repeat_n(layout.planes_per_map(), fit.maps()).chain((layout == Layout::Lrgb).then_some(3));
     // A lock a row: threads follow one another through the planes.
     let of_rows: Vec<_> =
-        planes_of_rows.map(|planes| Mutex::new(vec![CoefficientDistribution::new(); planes])).collect();
+        planes_of_rows.map(|planes| Mutex::new(vec![CoefficientCounter::new(); planes])).collect();
     for_each_span(stack, fit, level, SPAN, |span| {
         check()?;
-        for ((row, _), distributions) in rows_of(span, layout).zip(&of_rows) {
-            let mut distributions = distributions.lock().unwrap_or_else(PoisonError::into_inner);
-            CoefficientDistribution::add_interleaved(&mut distributions, row, span.first);
+        for ((row, _), counters) in rows_of(span, layout).zip(&of_rows) {
+            let mut counters = counters.lock().unwrap_or_else(PoisonError::into_inner);
+            CoefficientCounter::add_interleaved(&mut counters, row, span.first);
         }
         Ok::<(), E>(())
     })?;
-    Ok(of_rows.into_iter().flat_map(|row| row.into_inner().unwrap_or_else(PoisonError::into_inner)).collect())
+    let counters =
+        of_rows.into_iter().flat_map(|row| row.into_inner().unwrap_or_else(PoisonError::into_inner));
+    Ok(counters.map(|counter| counter.distribution()).collect())
 }
 
 /// Coefficients of up to `blocks` blocks of 4 x 4 pixels spread evenly over the picture, all of them

@@ -11,7 +11,8 @@
 //! Source: the conditional mean of Gaussians; as error feedback over weights, Frantar et al., *GPTQ*
 //! (2022), equation 2.
 
-use relight_core::Model;
+use crate::loops::subtract;
+use relight_core::{CpuLevel, Model};
 
 /// M is taken with so much of its mean diagonal added: what errs in ways that no light of the capture
 /// shows is not for free, and lights between them do show it.
@@ -76,11 +77,10 @@ impl Feedback {
         plane: usize,
         errors: impl Fn(usize) -> &'a [f32],
         coefficients: &mut [f32],
+        level: CpuLevel,
     ) {
         for &(before, factor) in &self.terms[plane] {
-            for (c, error) in coefficients.iter_mut().zip(errors(before)) {
-                *c -= factor * error;
-            }
+            subtract(level, factor, errors(before), coefficients);
         }
     }
 }
@@ -137,7 +137,7 @@ mod tests {
                 .iter()
                 .map(|&plane| {
                     let mut given = [0.0];
-                    feedback.apply(plane, |plane| &errors[plane..=plane], &mut given);
+                    feedback.apply(plane, |plane| &errors[plane..=plane], &mut given, CpuLevel::detect());
                     given[0] + residual(plane)
                 })
                 .collect();

@@ -7,6 +7,7 @@ mod cost;
 mod dither;
 mod feedback;
 mod functions;
+mod loops;
 pub mod mips;
 mod pack;
 mod packing;

@@ -5,6 +5,7 @@
 
 use crate::cost::mean_products;
 use crate::feedback::Feedback;
+use crate::loops::{add_purpose, gather, texel_errors, texels as texels_of};
 use crate::mips::MipFilter;
 use crate::storing::{PackReport, PlaneErrors, StoringErrors};
 use crate::texels::{Place, Row, TexelBuffer};
@@ -14,7 +15,7 @@ use crate::{
 };
 use half::f16;
 use rayon::prelude::*;
-use relight_core::{CoefficientSpan, Layout, Model, Spare};
+use relight_core::{CoefficientSpan, CpuLevel, Layout, Model, Spare};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -64,6 +65,7 @@ pub struct Packer {
     scratch: Spare<FeedbackScratch>,
     written: AtomicUsize,
     errors: StoringErrors,
+    level: CpuLevel,
     /// Level 1, where there is one, channels interleaved as in the spans.
     halved: Option<Mutex<Vec<Vec<f32>>>>,
 }
@@ -148,6 +150,7 @@ impl Packer {
             scratch: Spare::default(),
             written: AtomicUsize::new(0),
             errors,
+            level: CpuLevel::detect(),
             halved,
         }
     }
@@ -254,7 +257,7 @@ impl Packer {
                 let planes = &layer.plan.planes;
                 let rows: Vec<_> = planes.iter().map(|&plane| run.planes[plane]).collect();
                 let mut tell = |channel: usize, first: usize, errors: &[f32]| {
-                    told[planes[channel]].add(first, errors.iter().copied());
+                    told[planes[channel]].add_all(self.level, first, errors);
                 };
                 self.put_layer(&layer, run, &rows, put, &mut tell)?;
             }
@@ -266,12 +269,11 @@ impl Packer {
         errors.resize(run.planes.len() * pixels, 0.0);
         for layer in self.layers(level) {
             let planes = &layer.plan.planes;
-            given.clear();
-            for &plane in planes {
-                let start = given.len();
-                given.extend(run.planes[plane].iter());
+            given.resize(planes.len() * pixels, 0.0);
+            for (&plane, given) in planes.iter().zip(given.chunks_exact_mut(pixels)) {
+                gather(self.level, run.planes[plane], given);
                 let errors = |plane: usize| &errors[plane * pixels..][..pixels];
-                feedback.apply(plane, errors, &mut given[start..]);
+                feedback.apply(plane, errors, given, self.level);
             }
             let rows: Vec<_> = rows_of_planes(&given, pixels).collect();
             let mut tell = |channel: usize, first: usize, of_given: &[f32]| {
@@ -281,11 +283,9 @@ impl Packer {
             self.put_layer(&layer, run, &rows, put, &mut tell)?;
             for (&plane, given) in planes.iter().zip(given.chunks_exact(pixels)) {
                 let errors = &mut errors[plane * pixels..][..pixels];
-                told[plane].add_given(errors);
-                for ((e, given), c) in errors.iter_mut().zip(given).zip(run.planes[plane].iter()) {
-                    *e += given - c;
-                }
-                told[plane].add(run.first, errors.iter().copied());
+                told[plane].add_given(self.level, errors);
+                add_purpose(self.level, given, run.planes[plane], errors);
+                told[plane].add_all(self.level, run.first, errors);
             }
         }
         self.scratch.give(FeedbackScratch { errors, given });
@@ -361,6 +361,7 @@ impl Packer {
         put: Put<'_, E>,
         tell: Tell<'_>,
     ) -> Result<(), E> {
+        debug_assert!(rows.iter().all(|row| row.stride == 1), "blocks are made of what feedback gives");
         let quantizers = &layer.plan.quantizers;
         let (channels, width) = (format.channels(), run.width);
         let row_bytes = layer.format.row_bytes(width);
@@ -370,15 +371,16 @@ impl Packer {
         for start in (0..run.pixels).step_by(piece) {
             let end = (start + piece).min(run.pixels);
             let rows: Vec<_> = rows.iter().map(|row| row.slice(start, end)).collect();
-            texels.clear();
             texels.resize((end - start) * channels, 0.0);
+            if rows.len() < channels {
+                texels.fill(0.0);
+            }
             if channels == 4 {
                 texels.chunks_exact_mut(4).for_each(|texel| texel[3] = 1.0);
             }
             for (channel, (row, quantizer)) in rows.iter().zip(quantizers).enumerate() {
-                for (texel, c) in texels.chunks_exact_mut(channels).zip(row.iter()) {
-                    texel[channel] = quantizer.texel(format.domain(), c);
-                }
+                let (how, place) = ((*quantizer, format.domain()), (channel, channels));
+                texels_of(self.level, how, row.samples, place, &mut texels);
             }
             let height = (end - start) / width;
             blocks.resize(row_bytes as usize * height.div_ceil(4), 0);
@@ -386,9 +388,9 @@ impl Packer {
             decoded.resize(texels.len(), 0.0);
             decode_blocks(format, &blocks, width, &mut decoded);
             for (channel, row) in rows.iter().enumerate() {
-                let values = decoded[channel..].iter().step_by(channels).copied();
-                errors.clear();
-                errors.extend(errors_of(*row, values, quantizers[channel]));
+                errors.resize(end - start, 0.0);
+                let place = (channel, channels);
+                texel_errors(self.level, quantizers[channel], &decoded, place, row.samples, &mut errors);
                 tell(channel, run.first + start, &errors);
             }
             let offset = ((run.first + start) / width / 4) as u64 * row_bytes;

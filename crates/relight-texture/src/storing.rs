@@ -2,7 +2,8 @@
 //! pictures.
 
 use crate::cost::{light_energy, mean_products};
-use relight_core::{Layout, Model};
+use crate::loops::sum_of_squares;
+use relight_core::{CpuLevel, Layout, Model};
 use std::sync::{Mutex, PoisonError};
 
 /// What storing cost.
@@ -62,29 +63,7 @@ struct Run {
 impl PlaneErrors {
     /// Adds the errors of pixels `first ..`: what a texel gives back less the coefficient.
     pub fn add(&mut self, first: usize, errors: impl Iterator<Item = f32>) {
-        const LANES: usize = 16;
-        let mut next = first.next_multiple_of(SEEN) - first;
-        let mut errors = errors.fuse();
-        // Sums of their own for the lanes of a vector, then those of the lanes.
-        let mut squares = [0.0f64; LANES];
-        let (mut lanes, mut read) = ([0.0f32; LANES], LANES);
-        while read == LANES {
-            read = 0;
-            for (lane, error) in lanes.iter_mut().zip(&mut errors) {
-                *lane = error;
-                read += 1;
-            }
-            lanes[read..].fill(0.0);
-            for i in 0..LANES {
-                squares[i] += f64::from(lanes[i]) * f64::from(lanes[i]);
-            }
-            while next < read {
-                self.seen.push(lanes[next]);
-                next += SEEN;
-            }
-            next -= read;
-        }
-        self.square += squares.iter().sum::<f64>();
+        self.add_all(CpuLevel::detect(), first, &errors.collect::<Vec<f32>>());
     }
 
     /// The errors times `factor`: of coefficients where these are of codes.
@@ -98,10 +77,16 @@ impl PlaneErrors {
 }
 
 impl PlaneErrors {
+    /// [`Self::add`] of errors in a row.
+    pub(crate) fn add_all(&mut self, level: CpuLevel, first: usize, errors: &[f32]) {
+        let next = first.next_multiple_of(SEEN) - first;
+        self.seen.extend(errors.iter().skip(next).step_by(SEEN));
+        self.square += sum_of_squares(level, errors);
+    }
+
     /// Adds the errors of as many pixels against what the plane was given to store.
-    pub(crate) fn add_given(&mut self, errors: &[f32]) {
-        let squares: f64 = errors.iter().map(|error| f64::from(*error) * f64::from(*error)).sum();
-        *self.square_of_given.get_or_insert(0.0) += squares;
+    pub(crate) fn add_given(&mut self, level: CpuLevel, errors: &[f32]) {
+        *self.square_of_given.get_or_insert(0.0) += sum_of_squares(level, errors);
     }
 }
 

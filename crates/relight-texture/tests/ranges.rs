@@ -7,8 +7,8 @@ use relight_core::metrics::compare;
 use relight_core::relighter::relight;
 use relight_core::sphere::{Cap, fibonacci_in};
 use relight_core::{
-    Basis, CoefficientDistribution, CpuLevel, Design, Direction, Family, Layout, LightSet, Model, PlaneRole,
-    RelightingMaps, Space,
+    Basis, CoefficientCounter, CoefficientDistribution, CpuLevel, Design, Direction, Family, Layout,
+    LightSet, Model, PlaneRole, RelightingMaps, Space,
 };
 use relight_texture::{
     BlockFormat, Precision, Quantizer, RangeChoice, RangeRule, TexelDomain, TexelFormat, choose_range,
@@ -56,10 +56,9 @@ impl Log2 for f64 {
 }
 
 fn distribution(values: &[f32]) -> CoefficientDistribution {
-    let mut one = [CoefficientDistribution::new()];
-    CoefficientDistribution::add_interleaved(&mut one, values, 0);
-    let [one] = one;
-    one
+    let mut one = [CoefficientCounter::new()];
+    CoefficientCounter::add_interleaved(&mut one, values, 0);
+    one[0].distribution()
 }
 
 fn choose(values: &[f32], format: TexelFormat, rule: RangeRule) -> RangeChoice {

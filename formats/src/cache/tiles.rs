@@ -7,7 +7,7 @@ use crate::positioned::read_exact_at;
 use crate::temporary::remove_all_strays;
 use crate::{FormatError, OutputFile, create_folder, write_whole};
 use rayon::prelude::*;
-use relight_core::{CoefficientSpan, Model, Spare, Stack, StackError, StackRows};
+use relight_core::{CoefficientDistribution, CoefficientSpan, Model, Spare, Stack, StackError, StackRows};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs::{self, File};
@@ -18,8 +18,12 @@ use std::path::{Path, PathBuf};
 /// The file of what a fit found.
 pub(super) const FACTS: &str = "facts";
 
-/// The largest such file that is read: tables of learned functions for a thousand lights take a tenth.
+/// The largest file of facts or distributions that is read: tables of learned functions for a thousand lights take a tenth, the
+/// distributions of a thousand planes about a fifth.
 const LARGEST_FACTS: u64 = 64 << 20;
+
+/// The file of how its coefficients are distributed.
+const DISTRIBUTIONS: &str = "distributions";
 
 /// Most tiles of a picture.
 const MOST_TILES: usize = 256;
@@ -95,16 +99,15 @@ impl FitFolder {
     }
 
     /// What [`Self::keep_facts`] kept: `Ok(None)` where there is nothing, `Err` where it was odd and is removed.
+    ///
+    /// # Errors
+    /// [`Odd`].
     pub fn facts<T: DeserializeOwned>(&self) -> Result<Option<T>, Odd> {
-        let path = self.folder.join(FACTS);
-        let Some(bytes) = read_within(&path, LARGEST_FACTS) else {
-            return if path.exists() { Err(self.remove(&path)) } else { Ok(None) };
-        };
-        let Some(facts) = self.seal(*b"fact", 0).open(&bytes, LARGEST_FACTS) else {
-            return Err(self.remove(&path));
-        };
-        touch(&path);
-        Ok(Some(facts))
+        let facts = self.opened(FACTS, *b"fact")?;
+        if facts.is_some() {
+            touch(&self.folder.join(FACTS));
+        }
+        Ok(facts)
     }
 
     /// Keeps what a fit found.
@@ -113,6 +116,34 @@ impl FitFolder {
     /// [`FormatError::Io`], for instance on a full disk.
     pub fn keep_facts(&self, facts: &impl Serialize) -> Result<(), FormatError> {
         write_whole(&self.folder.join(FACTS), &self.seal(*b"fact", 0).close(facts))
+    }
+
+    /// What [`Self::keep_distributions`] kept, as [`Self::facts`].
+    ///
+    /// # Errors
+    /// [`Odd`].
+    pub fn distributions(&self) -> Result<Option<Vec<CoefficientDistribution>>, Odd> {
+        self.opened(DISTRIBUTIONS, *b"dist")
+    }
+
+    /// Keeps how the coefficients of each plane are distributed, unless that is more than would be read again.
+    ///
+    /// # Errors
+    /// [`FormatError::Io`], for instance on a full disk.
+    pub fn keep_distributions(&self, planes: &[CoefficientDistribution]) -> Result<(), FormatError> {
+        let file = self.seal(*b"dist", 0).close(&planes);
+        if file.len() as u64 > LARGEST_FACTS {
+            return Ok(());
+        }
+        write_whole(&self.folder.join(DISTRIBUTIONS), &file)
+    }
+
+    fn opened<T: DeserializeOwned>(&self, name: &str, kind: [u8; 4]) -> Result<Option<T>, Odd> {
+        let path = self.folder.join(name);
+        let Some(bytes) = read_within(&path, LARGEST_FACTS) else {
+            return if path.exists() { Err(self.remove(&path)) } else { Ok(None) };
+        };
+        self.seal(kind, 0).open(&bytes, LARGEST_FACTS).map(Some).ok_or_else(|| self.remove(&path))
     }
 
     /// Those of the tiles `wanted` that are there, of `planes` planes each; every one is read and its checksum compared.
@@ -387,7 +418,7 @@ impl StackRows for TileRows<'_> {
 mod tests {
     use super::*;
     use relight_core::basis::Ptm;
-    use relight_core::{Basis, Layout, Space};
+    use relight_core::{Basis, CoefficientCounter, Layout, Space};
 
     #[test]
     fn a_grid_covers_every_pixel_once_in_few_tiles() {
@@ -403,6 +434,28 @@ mod tests {
             }
             assert_eq!(next, pixels);
         }
+    }
+
+    #[test]
+    fn distributions_come_back_and_odd_ones_do_not() {
+        let around = tempfile::tempdir().unwrap();
+        let folder = FitFolder::new(around.path().join("fit"), [5; 32]);
+        folder.create().unwrap();
+        assert_eq!(folder.distributions(), Ok(None));
+        let mut counters = [CoefficientCounter::new(), CoefficientCounter::new(), CoefficientCounter::new()];
+        let row: Vec<f32> = (0..600).map(|i| (i as f32 - 300.0) * 1e-3).collect();
+        CoefficientCounter::add_interleaved(&mut counters, &row, 0);
+        CoefficientCounter::add_interleaved(&mut counters[2..], &[f32::NAN], 200);
+        let kept: Vec<_> = counters.iter().map(CoefficientCounter::distribution).collect();
+        folder.keep_distributions(&kept).unwrap();
+        assert_eq!(folder.distributions(), Ok(Some(kept)));
+        assert_eq!(folder.foreign().unwrap(), Vec::<String>::new());
+        let path = folder.path().join(DISTRIBUTIONS);
+        let mut bytes = fs::read(&path).unwrap();
+        bytes[HEAD_BYTES + 3] ^= 1;
+        fs::write(&path, bytes).unwrap();
+        assert_eq!(folder.distributions(), Err(Odd));
+        assert_eq!(folder.distributions(), Ok(None), "what is odd is removed");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::pictures::{basis_of, dome, fit_of, lopsided, model_of, pictures_of, weights_of};
 use nalgebra::DMatrix;
 use relight_core::basis::FAMILIES;
-use relight_core::{Basis, CoefficientDistribution, CoefficientMap, CpuLevel, Direction, FitFigures, Layout};
+use relight_core::{Basis, CoefficientCounter, CoefficientMap, CpuLevel, Direction, FitFigures, Layout};
 use relight_core::{Model, sphere};
 use relight_fit::{
     Decomposition, FitError, LeastSquares, LeaveOneOut, LightWeights, Ridge, SPAN, coefficient_distributions,
@@ -160,9 +160,9 @@ fn distributions_are_those_of_the_planes() {
                 coefficient_distributions(&pictures, (&fit, layout), CpuLevel::detect(), check).unwrap();
             assert_eq!(found.len(), map.planes.len());
             for (plane, (distribution, values)) in found.iter().zip(&map.planes).enumerate() {
-                let mut expected = [CoefficientDistribution::new()];
-                CoefficientDistribution::add_interleaved(&mut expected, values, 0);
-                assert!(*distribution == expected[0], "{layout:?} {size:?} plane {plane}");
+                let mut expected = [CoefficientCounter::new()];
+                CoefficientCounter::add_interleaved(&mut expected, values, 0);
+                assert!(*distribution == expected[0].distribution(), "{layout:?} {size:?} plane {plane}");
             }
         }
     }

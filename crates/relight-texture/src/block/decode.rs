@@ -1,22 +1,23 @@
 //! From blocks to texels, by `bcdec_rs`.
 
 use super::BlockFormat;
+use crate::loops::q_of_codes;
 use crate::{Precision, TexelFormat};
 use half::f16;
-use relight_core::Texels;
+use relight_core::{CpuLevel, Texels};
 
 /// Decodes a block of 4 x 4 texels, row-major, channels interleaved, into what holds it exactly.
 pub(super) enum Decode {
-    /// Codes 0..255, RGBA.
-    U8(fn(&[u8], &mut [u8; 64])),
+    /// Codes 0..255, RGBA, into rows so many bytes apart.
+    U8(fn(&[u8], &mut [u8], usize)),
     /// Bits of halves, RGB.
     F16(fn(&[u8], &mut [u16; 48])),
     /// The format's channels. Interpolated values are not rounded to codes.
     F32(fn(&[u8], &mut [f32; 64])),
 }
 
-pub(super) const BC1: Decode = Decode::U8(|block, texels| bcdec_rs::bc1(block, texels, 16));
-pub(super) const BC7: Decode = Decode::U8(|block, texels| bcdec_rs::bc7(block, texels, 16));
+pub(super) const BC1: Decode = Decode::U8(bcdec_rs::bc1);
+pub(super) const BC7: Decode = Decode::U8(bcdec_rs::bc7);
 pub(super) const BC6H: Decode = Decode::F16(|block, texels| bcdec_rs::bc6h_half(block, texels, 12, false));
 pub(super) const BC6H_SIGNED: Decode =
     Decode::F16(|block, texels| bcdec_rs::bc6h_half(block, texels, 12, true));
@@ -73,7 +74,7 @@ impl Grid {
     fn each<T: Copy, const N: usize>(
         &self,
         blocks: &[u8],
-        decode: fn(&[u8], &mut [T; N]),
+        decode: impl Fn(&[u8], &mut [T; N]),
         zero: T,
         mut place: impl FnMut(usize, usize, &[T; N]),
     ) {
@@ -100,11 +101,21 @@ pub fn decode_blocks(format: BlockFormat, blocks: &[u8], width: usize, out: &mut
     let row = width * channels;
     assert!(row > 0 && out.len().is_multiple_of(row), "{} values in rows of {row}", out.len());
     let grid = Grid::new(format, blocks, width, out.len() / row);
+    let level = CpuLevel::detect();
     match format.facts().decode {
-        Decode::U8(decode) => grid.each(blocks, decode, 0, |to, from, texels| {
-            let values = &mut out[to * channels..][..channels];
-            values.iter_mut().zip(&texels[from * 4..]).for_each(|(q, code)| *q = q_of_code(*code));
-        }),
+        Decode::U8(decode) => {
+            let pitch = 16 * width.div_ceil(4);
+            let mut codes = vec![0; 4 * pitch];
+            let rows_of_blocks = blocks.chunks_exact(format.bytes() * width.div_ceil(4));
+            for (blocks, rows) in rows_of_blocks.zip(out.chunks_mut(4 * row)) {
+                for (i, block) in blocks.chunks_exact(format.bytes()).enumerate() {
+                    decode(block, &mut codes[16 * i..], pitch);
+                }
+                for (codes, row) in codes.chunks_exact(pitch).zip(rows.chunks_exact_mut(row)) {
+                    q_of_codes(level, codes, channels, row);
+                }
+            }
+        }
         Decode::F16(decode) => grid.each(blocks, decode, 0, |to, from, texels| {
             let values = &mut out[to * channels..][..channels];
             let halves = texels[from * 3..].iter();
@@ -134,6 +145,7 @@ pub fn decode_channel(
     match format.facts().decode {
         Decode::U8(decode) => {
             let mut codes = vec![0; count];
+            let decode = |block: &[u8], texels: &mut [u8; 64]| decode(block, texels, 16);
             grid.each(blocks, decode, 0, |to, from, texels| codes[to] = texels[from * 4 + channel]);
             Texels::U8(codes)
         }
