@@ -77,8 +77,10 @@ struct Found {
     ends: Ends,
     /// From one end to the other: 3, or 2.
     steps: Lanes,
-    /// By texel, steps from the first end.
-    places: [Lanes; TEXELS],
+    /// Both ends as they are stored, the first in the lower half.
+    words: [u32; LANES],
+    /// Those of the texels, the first lowest.
+    indices: [u32; LANES],
 }
 
 /// What the nearest steps between two ends make of a block.
@@ -104,7 +106,12 @@ impl Vectorized for Blocks<'_> {
                 }
             }
         }
-        let means = totals.map(|total| total.map(|total| total / TEXELS as f32));
+        let mut means = totals;
+        for mean in &mut means {
+            for i in 0..LANES {
+                mean[i] /= TEXELS as f32;
+            }
+        }
         let axis = principal_axis(&moments_of(self.texels, &[[1.0; LANES]; TEXELS], &means));
         let range = self.range(&totals, &axis);
         let mut best = self.best::<3>(&totals, &means, &axis, &range);
@@ -115,12 +122,7 @@ impl Vectorized for Blocks<'_> {
             }
             keep_better(&other.error, &other.ends, &mut best.error, &mut best.ends);
         }
-        let line = Line::new(&best.ends, &best.steps);
-        for (texel, places) in self.texels.iter().zip(&mut best.places) {
-            for i in 0..LANES {
-                (places[i], _) = line.place(texel, i);
-            }
-        }
+        self.finish(&mut best);
         best
     }
 }
@@ -158,7 +160,8 @@ impl Blocks<'_> {
             error: [f32::INFINITY; LANES],
             ends: [[[0.0; LANES]; 3]; 2],
             steps: [STEPS as f32; LANES],
-            places: [[0.0; LANES]; TEXELS],
+            words: [0; LANES],
+            indices: [0; LANES],
         };
         self.try_ends::<STEPS>(&flat::<STEPS>(totals), &mut best);
         let insets = self.effort.insets;
@@ -191,6 +194,31 @@ impl Blocks<'_> {
             }
         }
         best
+    }
+
+    /// Finds what is stored of the best ends.
+    #[inline(always)]
+    fn finish(&self, best: &mut Found) {
+        let line = Line::new(&best.ends, &best.steps);
+        let mut turned = [0.0; LANES];
+        for i in 0..LANES {
+            let [a, b] = &best.ends;
+            let first = (a[0][i] as u32) << 11 | (a[1][i] as u32) << 5 | a[2][i] as u32;
+            let second = (b[0][i] as u32) << 11 | (b[1][i] as u32) << 5 | b[2][i] as u32;
+            // Four colours are told by the larger end coming first.
+            let turn = (first < second) == (best.steps[i] == 3.0);
+            turned[i] = if turn { best.steps[i] } else { 0.0 };
+            best.words[i] = if turn { second | first << 16 } else { first | second << 16 };
+        }
+        for (texel, values) in self.texels.iter().enumerate() {
+            for i in 0..LANES {
+                let step = (line.place(values, i).0 - turned[i]).abs();
+                // Index 1 is the other end; those between follow. Of equal ends 0 is right.
+                let index = if step == best.steps[i] { 1 } else { step as u32 + u32::from(step > 0.0) };
+                let is_flat = best.words[i] >> 16 == best.words[i] & 0xffff;
+                best.indices[i] |= if is_flat { 0 } else { index << (2 * texel) };
+            }
+        }
     }
 
     /// What the nearest steps make of ends in codes, whole or not.
@@ -310,22 +338,19 @@ fn refitted<const STEPS: usize>(totals: &[Lanes; 3], sums: &Sums, old: &Ends) ->
             let inverse = 1.0 / if is_line { determinant } else { 1.0 };
             let first = if is_line { (ax * bb - bx * ab) * inverse } else { old[0][c][i] };
             let second = if is_line { (bx * aa - ax * ab) * inverse } else { old[1][c][i] };
-            let (near_first, near_second) =
-                (nearest(limited(first, MOST[c])), nearest(limited(second, MOST[c])));
-            let mut least = f32::INFINITY;
-            let (mut a, mut b) = (near_first, near_second);
-            for step_first in [0.0, -1.0, 1.0] {
-                for step_second in [0.0, -1.0, 1.0] {
-                    let x = limited(near_first + step_first, MOST[c]);
-                    let y = limited(near_second + step_second, MOST[c]);
-                    let (u, v) = (x - first, y - second);
-                    let error = aa * u * u + 2.0 * ab * u * v + bb * v * v;
-                    let better = error < least && is_line;
-                    least = if better { error } else { least };
-                    a = if better { x } else { a };
-                    b = if better { y } else { b };
-                }
-            }
+            // Of two ways the better: round one end and take the best whole code for the other beside it.
+            let for_second = if is_line { ab / bb } else { 0.0 };
+            let for_first = if is_line { ab / aa } else { 0.0 };
+            let a0 = nearest(limited(first, MOST[c]));
+            let b0 = nearest(limited(second - for_second * (a0 - first), MOST[c]));
+            let b1 = nearest(limited(second, MOST[c]));
+            let a1 = nearest(limited(first - for_first * (b1 - second), MOST[c]));
+            let (u, v) = (a0 - first, b0 - second);
+            let error = aa * u * u + 2.0 * ab * u * v + bb * v * v;
+            let (u, v) = (a1 - first, b1 - second);
+            let other = aa * u * u + 2.0 * ab * u * v + bb * v * v;
+            let a = if other < error { a1 } else { a0 };
+            let b = if other < error { b1 } else { b0 };
             ends[0][c][i] = a;
             ends[1][c][i] = b;
         }
@@ -336,21 +361,7 @@ fn refitted<const STEPS: usize>(totals: &[Lanes; 3], sums: &Sums, old: &Ends) ->
 impl Found {
     /// The bytes of a block.
     fn block(&self, lane: usize) -> [u8; 8] {
-        let [first, second] = [0, 1].map(|end| {
-            let [r, g, b] = [0, 1, 2].map(|c| self.ends[end][c][lane] as u64);
-            r << 11 | g << 5 | b
-        });
-        // Four colours are told by the larger end coming first. Of equal ends index 0 is right.
-        let four = self.steps[lane] == 3.0;
-        let turned = (first < second) == four;
-        let (ends, last) = if turned { ([second, first], self.steps[lane]) } else { ([first, second], 0.0) };
-        let indices: [u64; 4] = if four { [0, 2, 3, 1] } else { [0, 2, 1, 3] };
-        let mut bits = ends[0] | ends[1] << 16;
-        for (texel, places) in self.places.iter().enumerate() {
-            let step = (places[lane] - last).abs() as usize;
-            bits |= if first == second { 0 } else { indices[step] << (32 + 2 * texel) };
-        }
-        bits.to_le_bytes()
+        (u64::from(self.words[lane]) | u64::from(self.indices[lane]) << 32).to_le_bytes()
     }
 }
 
