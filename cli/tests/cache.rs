@@ -54,6 +54,8 @@ fn storing_anew_takes_the_fit_up_and_gives_the_same_bytes() {
             assert_eq!(fs::read(here.join("a.ktx2")).unwrap(), plain(here, &again), "{again}");
         }
     }
+    let left: Vec<_> = names_in(here).into_iter().filter(|name| name.starts_with('.')).collect();
+    assert!(left.is_empty(), "coefficients of robust fits outside of a cache are gone: {left:?}");
     // Another format, held-out pictures and a report are made of the same kept fit or of one of their own.
     let options = format!("{small} --holdout every:6 --report r.json --cache kept");
     relight(here, &format!("bake set -o b.exr {options}")).ok();

@@ -170,6 +170,16 @@ impl<'a> Planned<'a> {
         &self.formats
     }
 
+    /// Whether every pixel's fit takes long and all are needed twice, for ranges and for texels.
+    pub(crate) fn fits_slowly_and_twice(&self) -> bool {
+        self.fit.is_robust() && self.needs_ranges()
+    }
+
+    /// Whether planes are spread over codes.
+    fn needs_ranges(&self) -> bool {
+        self.formats.iter().any(|&format| self.format.needs_ranges(format))
+    }
+
     /// Layers of texels of `format`.
     pub(crate) fn layers(&self, format: TexelFormat) -> usize {
         planes_of_layers(&self.model, format).len()
@@ -262,10 +272,9 @@ pub(crate) fn make(
         asset.model = asset.model_of(fit);
     }
     let assets: Vec<&Planned<'_>> = assets.iter().map(|asset| &**asset).collect();
-    let needs_ranges = |asset: &&Planned<'_>| asset.formats.iter().any(|&f| asset.format.needs_ranges(f));
     let (pixel_fit, level) = (fit.solved.pixel_fit(), machine.level);
     let known = assets.first().is_some_and(|asset| asset.model.plane_count() == distributions.len());
-    if !known && assets.iter().any(needs_ranges) {
+    if !known && assets.iter().any(|asset| asset.needs_ranges()) {
         *distributions = stages.time("ranges", || textures::distributions(*stack, pixel_fit, level))?;
     }
     let plans = stages.time("formats", || -> Result<Vec<_>, Failure> {
@@ -277,7 +286,7 @@ pub(crate) fn make(
             false => None,
         };
         let plan = |asset: &&Planned<'_>| {
-            let distributions = if needs_ranges(asset) { &distributions[..] } else { &[] };
+            let distributions = if asset.needs_ranges() { &distributions[..] } else { &[] };
             let trial = trial.as_ref().filter(|_| asset.textures.tries());
             asset.textures.plan(&asset.model, asset.size, &asset.formats, distributions, trial)
         };

@@ -227,6 +227,11 @@ pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result
     if taken.is_none() && known.is_some() {
         planned = plan(None)?;
     }
+    let scratch_fit = match keeper.is_none() && planned.fits_slowly_and_twice() {
+        // Where there is no room the fit is done twice.
+        true => ScratchFolder::beside(&arguments.output).ok(),
+        false => None,
+    };
     let (pictures, levelled, tiles);
     let mut spilled = 0;
     let (mut fit, stack): (BakeFit<'_>, &dyn Stack) = match taken {
@@ -257,7 +262,14 @@ pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result
             let stack: &dyn Stack = levelled.as_ref().map_or(&pictures, |levelled| levelled);
             let fit =
                 stages.time("solve", || planned.solve(&fitted, &Samples::new(stack), lamps.as_ref()))?;
-            match keep(keeper.as_mut(), &planned, &fit, stack, machine, &mut scene_notes, &mut stages)? {
+            let mut scratch = scratch_fit.as_ref().map(|folder| {
+                Keeper::new(FitFolder::new(folder.path().to_owned(), fit_key_of(provenance)), fitted.size())
+            });
+            let (keeper, notes) = match keeper.as_mut() {
+                Some(keeper) => (Some(keeper), &mut scene_notes),
+                None => (scratch.as_mut(), &mut Vec::new()),
+            };
+            match keep(keeper, &planned, &fit, stack, machine, notes, &mut stages)? {
                 Some((fit, found)) => {
                     tiles = found;
                     (fit, &tiles)
