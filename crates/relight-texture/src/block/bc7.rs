@@ -10,22 +10,20 @@
 mod bits;
 mod modes;
 mod partitions;
+mod promising;
 
 use super::encode::BlockRow;
 use super::side_by_side::{
-    Ends, LANES, Lanes, Mask, TEXELS, Texels, beside_axis, ends_on_axis, gather, keep_better, limited,
-    moments_of, nearest, principal_axis,
+    Ends, LANES, Lanes, Mask, TEXELS, Texels, ends_on_axis, keep_better, limited, moments_of, nearest,
+    principal_axis,
 };
 use super::{BlockCoding, Quality};
-use modes::{Mode, Mode0, Mode1, Mode2, Mode3, Mode6, code, kept, most, rounded, subset_of, value, weight};
-use partitions::{THREE, TWO};
+use modes::{
+    Mode, Mode0, Mode1, Mode2, Mode3, Mode6, code, kept, most, parting_of, rounded, subset_in, value, weight,
+};
+use promising::{Promises, Promising, partition_of};
 use relight_core::{CpuLevel, Vectorized};
-
-/// Ways to part a block that mode 0 can name.
-const MODE_0_PARTITIONS: usize = 16;
-
-/// Most ways to part a block that are tried in a mode.
-const MOST_TRIED: usize = 16;
+use std::marker::PhantomData;
 
 /// How hard to look.
 struct Effort {
@@ -35,54 +33,173 @@ struct Effort {
     insets_of_one: &'static [f32],
     /// Turns of texels and ends.
     turns: usize,
-    /// How many ways to part the block are tried in modes 1, 3, 0 and 2.
+    /// How many ways to part the block are tried at most in modes 1, 3, 0 and 2.
     tried: [usize; 4],
+    /// How much of the error that evenly spread values leave a way must promise to be worth it: less lets more be tried.
+    left: f32,
 }
 
 fn effort(quality: Quality) -> Effort {
     match quality {
         Quality::Fast => {
-            Effort { insets: &[0.0], insets_of_one: &[-0.02, 0.02], turns: 1, tried: [1, 0, 0, 0] }
+            let insets_of_one = &[-0.02, 0.02];
+            Effort { insets: &[0.0], insets_of_one, turns: 1, tried: [1, 0, 0, 0], left: 0.3 }
         }
         Quality::Normal => {
-            Effort { insets: &[0.0], insets_of_one: &[-0.03, 0.03], turns: 2, tried: [3, 3, 0, 0] }
+            let insets_of_one = &[-0.03, 0.03];
+            Effort { insets: &[0.0], insets_of_one, turns: 2, tried: [1, 1, 0, 0], left: 0.3 }
         }
         Quality::High => {
-            Effort { insets: &[0.0], insets_of_one: &[-0.04, 0.0, 0.04], turns: 2, tried: [12, 16, 4, 4] }
+            let insets_of_one = &[-0.04, 0.0, 0.04];
+            Effort { insets: &[0.0], insets_of_one, turns: 2, tried: [12, 16, 4, 4], left: 0.3 }
         }
-        Quality::Best => Effort {
-            insets: &[0.0, 0.12],
-            insets_of_one: &[-0.1, -0.05, 0.0, 0.05, 0.1],
-            turns: 4,
-            tried: [16, 16, 8, 16],
-        },
+        Quality::Best => {
+            let insets_of_one = &[-0.1, -0.05, 0.0, 0.05, 0.1];
+            Effort { insets: &[0.0, 0.12], insets_of_one, turns: 4, tried: [16, 16, 8, 16], left: 0.1 }
+        }
     }
 }
 
 pub(super) fn bc7(row: BlockRow<'_>, coding: BlockCoding, out: &mut [u8]) {
-    let level = CpuLevel::detect();
-    let effort = effort(coding.quality);
-    let mut texels = [[[0.0; LANES]; 3]; TEXELS];
-    for (index, out) in out.chunks_mut(LANES * 16).enumerate() {
-        gather(&row, index, out.len() / 16, 255.0, &mut texels);
-        let found = level.run(Blocks { texels: &texels, effort: &effort });
-        for (lane, block) in out.chunks_exact_mut(16).enumerate() {
-            block.copy_from_slice(&found.block(lane, &texels));
+    let blocks = blocks_of(&row);
+    let best = search(CpuLevel::detect(), &blocks, &effort(coding.quality));
+    for ((best, texels), out) in best.iter().zip(&blocks).zip(out.chunks_exact_mut(16)) {
+        out.copy_from_slice(&best.block(texels));
+    }
+}
+
+/// The texels of a block, R, G, B of each, 0..255.
+type Block = [f32; 3 * TEXELS];
+
+/// The blocks of a row.
+fn blocks_of(row: &BlockRow<'_>) -> Vec<Block> {
+    let mut blocks: Vec<Block> = row.blocks().collect();
+    blocks.iter_mut().flatten().for_each(|q| *q *= 255.0);
+    blocks
+}
+
+/// The best that was found for a block.
+struct Best {
+    error: f32,
+    mode: usize,
+    partition: usize,
+    /// By subset and end.
+    codes: [[[f32; 3]; 2]; 3],
+}
+
+impl Best {
+    /// Keeps what was found in a lane for the mode `M` where it is better.
+    fn keep_better<M: Mode>(&mut self, partition: usize, found: &Found, lane: usize) {
+        if found.error[lane] < self.error {
+            *self = Self {
+                error: found.error[lane],
+                mode: M::NUMBER,
+                partition,
+                codes: std::array::from_fn(|subset| {
+                    let ends = &found.codes[subset];
+                    std::array::from_fn(|end| std::array::from_fn(|c| ends[end][c][lane]))
+                }),
+            };
         }
     }
 }
 
+/// The best of each block.
+///
+/// One line is tried for all of them, then the ways to part them that promise to be better, one after another and many blocks side
+/// by side: what a way promises is its texels' distance from their lines and the least that steps along these err by.
+fn search(level: CpuLevel, blocks: &[Block], effort: &Effort) -> Vec<Best> {
+    let mut best = Vec::with_capacity(blocks.len());
+    let mut promises = Vec::with_capacity(blocks.len().div_ceil(LANES));
+    let mut texels = [[[0.0; LANES]; 3]; TEXELS];
+    for blocks in blocks.chunks(LANES) {
+        gather(blocks.iter(), &mut texels);
+        let own = Blocks { texels: &texels, effort };
+        let found = level.run(OfMode { blocks: own, parting: [0; LANES], mode: PhantomData::<Mode6> });
+        for lane in 0..blocks.len() {
+            let mut of_block =
+                Best { error: f32::INFINITY, mode: Mode6::NUMBER, partition: 0, codes: [[[0.0; 3]; 2]; 3] };
+            of_block.keep_better::<Mode6>(0, &found, lane);
+            best.push(of_block);
+        }
+        promises.push(level.run(Promising { texels: &texels, tried: effort.tried, left: effort.left }));
+    }
+    for rank in 0..effort.tried.into_iter().max().unwrap_or(0) {
+        let mut round = Round { level, blocks, effort, promises: &promises, rank, best: &mut best };
+        round.try_mode::<Mode1>(0);
+        round.try_mode::<Mode3>(1);
+        round.try_mode::<Mode0>(2);
+        round.try_mode::<Mode2>(3);
+    }
+    best
+}
+
+/// The ways to part the blocks that rank alike among those of their block.
+struct Round<'a> {
+    level: CpuLevel,
+    blocks: &'a [Block],
+    effort: &'a Effort,
+    promises: &'a [Promises],
+    rank: usize,
+    best: &'a mut [Best],
+}
+
+impl Round<'_> {
+    /// Tries those of a mode, number `list` of those that are tried.
+    fn try_mode<M: Mode>(&mut self, list: usize) {
+        if self.rank >= self.effort.tried[list] {
+            return;
+        }
+        let promised = |block: usize| self.promises[block / LANES][list][self.rank][block % LANES];
+        let wanted: Vec<(usize, usize)> = (0..self.blocks.len())
+            .filter(|&block| promised(block) < self.best[block].error)
+            .map(|block| (block, partition_of(promised(block))))
+            .collect();
+        let mut texels = [[[0.0; LANES]; 3]; TEXELS];
+        let mut parting = [0; LANES];
+        for wanted in wanted.chunks(LANES) {
+            gather(wanted.iter().map(|(block, _)| &self.blocks[*block]), &mut texels);
+            for (parting, (_, partition)) in parting.iter_mut().zip(wanted) {
+                *parting = parting_of::<M>(*partition);
+            }
+            let blocks = Blocks { texels: &texels, effort: self.effort };
+            let found = self.level.run(OfMode { blocks, parting, mode: PhantomData::<M> });
+            for (lane, (block, partition)) in wanted.iter().enumerate() {
+                self.best[*block].keep_better::<M>(*partition, &found, lane);
+            }
+        }
+    }
+}
+
+/// Puts blocks side by side; what lanes beyond them held stays.
+fn gather<'a>(blocks: impl Iterator<Item = &'a Block>, texels: &mut Texels) {
+    for (lane, block) in blocks.enumerate() {
+        for (texel, values) in texels.iter_mut().zip(block.as_chunks::<3>().0) {
+            for c in 0..3 {
+                texel[c][lane] = values[c];
+            }
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
 struct Blocks<'a> {
     /// 0..255.
     texels: &'a Texels,
     effort: &'a Effort,
 }
 
-/// The best of each block.
+/// The best ends in a mode for a way to part each block.
+struct OfMode<'a, M> {
+    blocks: Blocks<'a>,
+    /// As of [`parting_of`].
+    parting: [u32; LANES],
+    mode: PhantomData<M>,
+}
+
+/// What was found in a mode.
 struct Found {
     error: Lanes,
-    mode: [usize; LANES],
-    partition: [usize; LANES],
     /// By subset.
     codes: [Ends; 3],
 }
@@ -110,158 +227,32 @@ struct Sums {
     products: [Lanes; 3],
 }
 
-impl Vectorized for Blocks<'_> {
+impl<M: Mode> Vectorized for OfMode<'_, M> {
     type Output = Found;
 
     // Loops, as closures would be compiled without the level's instructions.
     #[inline(always)]
     fn run(self) -> Found {
-        let mut best = Found {
-            error: [f32::INFINITY; LANES],
-            mode: [0; LANES],
-            partition: [0; LANES],
-            codes: [[[[0.0; LANES]; 3]; 2]; 3],
-        };
-        self.try_mode::<Mode6>(&[0; LANES], &mut best);
-        let [of_1, of_3, of_0, of_2] = self.effort.tried;
-        if of_1.max(of_3) > 0 {
-            let closest = self
-                .closest::<2>(TWO.len(), of_1.max(of_3), |partition, texel| TWO[partition].0 >> texel & 1);
-            for partition in &closest[..of_1] {
-                self.try_mode::<Mode1>(partition, &mut best);
+        let mut found = Found { error: [0.0; LANES], codes: [[[[0.0; LANES]; 3]; 2]; 3] };
+        for subset in 0..M::SUBSETS {
+            let mut mask = [[0.0; LANES]; TEXELS];
+            for texel in 0..TEXELS {
+                for i in 0..LANES {
+                    let is_in = subset_in::<M>(self.parting[i], texel) == subset as u32;
+                    mask[texel][i] = if is_in { 1.0 } else { 0.0 };
+                }
             }
-            for partition in &closest[..of_3] {
-                self.try_mode::<Mode3>(partition, &mut best);
+            let fit = self.blocks.fit::<M>(&mask);
+            for i in 0..LANES {
+                found.error[i] += fit.error[i];
             }
+            found.codes[subset] = fit.codes;
         }
-        let of_three = |partition: usize, texel: usize| (THREE[partition].0 >> (2 * texel) & 3) as u16;
-        if of_0 > 0 {
-            let closest = self.closest::<3>(MODE_0_PARTITIONS, of_0, of_three);
-            for partition in &closest[..of_0] {
-                self.try_mode::<Mode0>(partition, &mut best);
-            }
-        }
-        if of_2 > 0 {
-            let closest = self.closest::<3>(THREE.len(), of_2, of_three);
-            for partition in &closest[..of_2] {
-                self.try_mode::<Mode2>(partition, &mut best);
-            }
-        }
-        best
+        found
     }
 }
 
 impl Blocks<'_> {
-    /// The ways to part each block, of the first `count`, whose subsets lie closest to lines: so many `tried`, the closest first.
-    #[inline(always)]
-    fn closest<const SUBSETS: usize>(
-        &self,
-        count: usize,
-        tried: usize,
-        subset_of: impl Fn(usize, usize) -> u16,
-    ) -> [[usize; LANES]; MOST_TRIED] {
-        // Of each texel: R, G, B and their products. In f32 about the block's mean, or squares would drown what varies.
-        let mut products: [Products; TEXELS] = [[[0.0; LANES]; 9]; TEXELS];
-        let mut means = [[0.0; LANES]; 3];
-        for texel in self.texels {
-            for c in 0..3 {
-                for i in 0..LANES {
-                    means[c][i] += texel[c][i] / TEXELS as f32;
-                }
-            }
-        }
-        for (texel, products) in self.texels.iter().zip(&mut products) {
-            for i in 0..LANES {
-                let [x, y, z] =
-                    [texel[0][i] - means[0][i], texel[1][i] - means[1][i], texel[2][i] - means[2][i]];
-                products[0][i] = x;
-                products[1][i] = y;
-                products[2][i] = z;
-                products[3][i] = x * x;
-                products[4][i] = x * y;
-                products[5][i] = x * z;
-                products[6][i] = y * y;
-                products[7][i] = y * z;
-                products[8][i] = z * z;
-            }
-        }
-        let (totals, _) = sums_of(&products, |_| true);
-        /// Bits of a score that hold a number.
-        const NUMBERS: u32 = 63;
-        let mut least = [[f32::INFINITY; LANES]; MOST_TRIED];
-        for partition in 0..count {
-            let mut score = [0.0; LANES];
-            let mut rest = totals;
-            let mut rest_count = TEXELS;
-            for subset in 1..=SUBSETS {
-                // The last subset is what is left.
-                let mut sums = rest;
-                let mut texels = rest_count;
-                if subset < SUBSETS {
-                    let of_subset = |texel: usize| usize::from(subset_of(partition, texel)) == subset;
-                    (sums, texels) = sums_of(&products, of_subset);
-                    for (rest, sum) in rest.iter_mut().zip(&sums) {
-                        for i in 0..LANES {
-                            rest[i] -= sum[i];
-                        }
-                    }
-                    rest_count -= texels;
-                }
-                let moments = moments_about_mean(&sums, texels);
-                beside_axis(&moments, &mut score);
-            }
-            // The partition's number in the last bits of its score: sorting one sorts both.
-            for i in 0..LANES {
-                let bits = limited(score[i], f32::MAX).to_bits() & !NUMBERS | partition as u32;
-                score[i] = f32::from_bits(bits);
-            }
-            for least in least.iter_mut().take(tried) {
-                let (new, old) = (score, *least);
-                for i in 0..LANES {
-                    least[i] = if new[i] < old[i] { new[i] } else { old[i] };
-                }
-                for i in 0..LANES {
-                    score[i] = if new[i] < old[i] { old[i] } else { new[i] };
-                }
-            }
-        }
-        least.map(|row| row.map(|score| (score.to_bits() & NUMBERS) as usize))
-    }
-
-    /// Keeps a mode where it is better than the best.
-    #[inline(always)]
-    fn try_mode<M: Mode>(&self, partition: &[usize; LANES], best: &mut Found) {
-        let mut codes = [[[[0.0; LANES]; 3]; 2]; 3];
-        let mut error = [0.0f32; LANES];
-        for (subset, codes) in codes.iter_mut().enumerate().take(M::SUBSETS) {
-            let mut mask = [[0.0; LANES]; TEXELS];
-            for (texel, mask) in mask.iter_mut().enumerate() {
-                for i in 0..LANES {
-                    mask[i] = f32::from(u8::from(subset_of::<M>(partition[i], texel) == subset));
-                }
-            }
-            let fit = self.fit::<M>(&mask);
-            for i in 0..LANES {
-                error[i] += fit.error[i];
-            }
-            *codes = fit.codes;
-        }
-        for i in 0..LANES {
-            if error[i] < best.error[i] {
-                best.error[i] = error[i];
-                best.mode[i] = M::NUMBER;
-                best.partition[i] = partition[i];
-                for (best, codes) in best.codes.iter_mut().zip(&codes) {
-                    for end in 0..2 {
-                        for c in 0..3 {
-                            best[end][c][i] = codes[end][c][i];
-                        }
-                    }
-                }
-            }
-        }
-    }
-
     /// The best ends of the texels that count.
     #[inline(always)]
     fn fit<M: Mode>(&self, mask: &Mask) -> Fit {
@@ -352,8 +343,10 @@ impl Blocks<'_> {
                 let x = texel[0][i] - rounded(ends[0][0][i] + w * (ends[1][0][i] - ends[0][0][i]));
                 let y = texel[1][i] - rounded(ends[0][1][i] + w * (ends[1][1][i] - ends[0][1][i]));
                 let z = texel[2][i] - rounded(ends[0][2][i] + w * (ends[1][2][i] - ends[0][2][i]));
-                let w = mask[i] * w;
-                sums.error[i] += mask[i] * (x * x + y * y + z * z);
+                let error = x * x + y * y + z * z;
+                // Of one subset every texel is.
+                let (w, error) = if M::SUBSETS == 1 { (w, error) } else { (mask[i] * w, mask[i] * error) };
+                sums.error[i] += error;
                 sums.weights[i] += w;
                 sums.squares[i] += w * w;
                 sums.products[0][i] += w * texel[0][i];
@@ -381,49 +374,26 @@ impl Blocks<'_> {
     }
 }
 
-/// Of a texel or of some: R, G, B and the products RR, RG, RB, GG, GB, BB.
-type Products = [Lanes; 9];
-
-/// The sums of some texels, and how many they are.
-#[inline(always)]
-fn sums_of(products: &[Products; TEXELS], is_in: impl Fn(usize) -> bool) -> (Products, usize) {
-    let mut sums = [[0.0; LANES]; 9];
-    let mut count = 0;
-    for (texel, products) in products.iter().enumerate() {
-        if !is_in(texel) {
-            continue;
-        }
-        count += 1;
-        for (sum, product) in sums.iter_mut().zip(products) {
-            for i in 0..LANES {
-                sum[i] += product[i];
-            }
-        }
-    }
-    (sums, count)
-}
-
-/// The moments xx, xy, xz, yy, yz, zz of `count` texels about their mean.
-#[inline(always)]
-fn moments_about_mean(sums: &Products, count: usize) -> [Lanes; 6] {
-    let inverse = 1.0 / count as f32;
-    let mut moments = [[0.0; LANES]; 6];
-    for i in 0..LANES {
-        let [x, y, z] = [sums[0][i], sums[1][i], sums[2][i]];
-        moments[0][i] = sums[3][i] - x * x * inverse;
-        moments[1][i] = sums[4][i] - x * y * inverse;
-        moments[2][i] = sums[5][i] - x * z * inverse;
-        moments[3][i] = sums[6][i] - y * y * inverse;
-        moments[4][i] = sums[7][i] - y * z * inverse;
-        moments[5][i] = sums[8][i] - z * z * inverse;
-    }
-    moments
-}
-
 /// Codes of least squared error for given weights, of those around the best real ends; those of the ends themselves where all texels have
 /// the same weight.
 #[inline(always)]
 fn refitted<M: Mode>(subset: &Subset<'_>, sums: &Sums, ends: &Ends) -> Ends {
+    let (mut aa, mut ab, mut skew) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    let mut real = *ends;
+    for i in 0..LANES {
+        let bb = sums.squares[i];
+        ab[i] = sums.weights[i] - bb;
+        aa[i] = subset.count[i] - 2.0 * sums.weights[i] + bb;
+        let determinant = aa[i] * bb - ab[i] * ab[i];
+        let is_line = determinant > 1e-3;
+        let inverse = 1.0 / if is_line { determinant } else { 1.0 };
+        skew[i] = if is_line { ab[i] / bb } else { 0.0 };
+        for c in 0..3 {
+            let (bx, ax) = (sums.products[c][i], subset.totals[c][i] - sums.products[c][i]);
+            real[0][c][i] = if is_line { (ax * bb - bx * ab[i]) * inverse } else { ends[0][c][i] };
+            real[1][c][i] = if is_line { (bx * aa[i] - ax * ab[i]) * inverse } else { ends[1][c][i] };
+        }
+    }
     let mut codes = [[[0.0; LANES]; 3]; 2];
     let mut least = [f32::INFINITY; LANES];
     for &[first_parity, second_parity] in M::PARITIES {
@@ -431,15 +401,7 @@ fn refitted<M: Mode>(subset: &Subset<'_>, sums: &Sums, ends: &Ends) -> Ends {
         let mut error = [0.0f32; LANES];
         for c in 0..3 {
             for i in 0..LANES {
-                let (bb, ab) = (sums.squares[i], sums.weights[i] - sums.squares[i]);
-                let aa = subset.count[i] - 2.0 * sums.weights[i] + bb;
-                let (bx, ax) = (sums.products[c][i], subset.totals[c][i] - sums.products[c][i]);
-                let determinant = aa * bb - ab * ab;
-                let is_line = determinant > 1e-3;
-                let inverse = 1.0 / if is_line { determinant } else { 1.0 };
-                let first = if is_line { (ax * bb - bx * ab) * inverse } else { ends[0][c][i] };
-                let second = if is_line { (bx * aa - ax * ab) * inverse } else { ends[1][c][i] };
-                let skew = if is_line { ab / bb } else { 0.0 };
+                let (first, second) = (real[0][c][i], real[1][c][i]);
                 let near = code::<M>(first, first_parity);
                 let (mut a, mut b, mut of_channel) = (near, near, f32::INFINITY);
                 // The codes on both sides of the first end, each with the best second one.
@@ -447,9 +409,9 @@ fn refitted<M: Mode>(subset: &Subset<'_>, sums: &Sums, ends: &Ends) -> Ends {
                 for step in [0.0, aside] {
                     let x = kept::<M>(near + step, first_parity);
                     let u = value::<M>(x) - first;
-                    let y = code::<M>(second - skew * u, second_parity);
+                    let y = code::<M>(second - skew[i] * u, second_parity);
                     let v = value::<M>(y) - second;
-                    let error = aa * u * u + 2.0 * ab * u * v + bb * v * v;
+                    let error = aa[i] * u * u + 2.0 * ab[i] * u * v + sums.squares[i] * v * v;
                     let better = error < of_channel;
                     of_channel = if better { error } else { of_channel };
                     a = if better { x } else { a };
@@ -474,34 +436,27 @@ mod tests {
     fn every_level_finds_the_same_and_decoders_find_what_it_says() {
         let texels = row(6 * LANES);
         let row = BlockRow { texels: &texels, width: 4 * 6 * LANES, channels: 3 };
+        let blocks = blocks_of(&row);
         let mut modes = [0; 8];
         for quality in Quality::all() {
-            for index in 0..6 {
-                let mut texels = [[[0.0; LANES]; 3]; TEXELS];
-                gather(&row, index, LANES, 255.0, &mut texels);
-                let effort = effort(quality);
-                let found = |level: CpuLevel| level.run(Blocks { texels: &texels, effort: &effort });
-                let expected = found(CpuLevel::BASELINE);
-                for level in CpuLevel::available() {
-                    let other = found(level);
-                    for lane in 0..LANES {
-                        let blocks = [&other, &expected].map(|found| found.block(lane, &texels));
-                        assert_eq!(blocks[0], blocks[1], "{} {lane}", level.name());
-                    }
+            let expected = search(CpuLevel::BASELINE, &blocks, &effort(quality));
+            for level in CpuLevel::available() {
+                let others = search(level, &blocks, &effort(quality));
+                for (block, (other, expected)) in blocks.iter().zip(others.iter().zip(&expected)) {
+                    assert_eq!(other.block(block), expected.block(block), "{}", level.name());
                 }
-                for lane in 0..LANES {
-                    let mut decoded = [0; 64];
-                    bcdec_rs::bc7(&expected.block(lane, &texels), &mut decoded, 16);
-                    let mut error = 0.0;
-                    for (values, codes) in texels.iter().zip(decoded.chunks_exact(4)) {
-                        assert!(codes[3] >= 254, "opaque");
-                        error += (0..3).map(|c| (f32::from(codes[c]) - values[c][lane]).powi(2)).sum::<f32>();
-                    }
-                    let mode = expected.mode[lane];
-                    modes[mode] += 1;
-                    let said = expected.error[lane];
-                    assert!((error - said).abs() < 0.1 + 1e-4 * said, "mode {mode}: {error}, not {said}");
+            }
+            for (block, found) in blocks.iter().zip(&expected) {
+                let mut decoded = [0; 64];
+                bcdec_rs::bc7(&found.block(block), &mut decoded, 16);
+                let mut error = 0.0;
+                for (values, codes) in block.chunks_exact(3).zip(decoded.chunks_exact(4)) {
+                    assert!(codes[3] >= 254, "opaque");
+                    error += (0..3).map(|c| (f32::from(codes[c]) - values[c]).powi(2)).sum::<f32>();
                 }
+                modes[found.mode] += 1;
+                let said = found.error;
+                assert!((error - said).abs() < 0.1 + 1e-4 * said, "mode {}: {error}, not {said}", found.mode);
             }
         }
         assert!([0, 1, 2, 3, 6].iter().all(|&mode| modes[mode] > 0), "{modes:?}");

@@ -119,21 +119,20 @@ pub(super) fn principal_axis(moments: &[Lanes; 6]) -> [Lanes; 3] {
     axis
 }
 
-/// What is left of the moments' trace without the largest eigenvalue, nearly.
+/// Adds about what of the moments' trace lies beside their principal axis to `beside`, and the rest to `along`.
+///
+/// The sum of the eigenvalues' squares tells it without finding them: with s and t in two directions it is st / (s + t), nearly the
+/// smaller one.
 #[inline(always)]
-pub(super) fn beside_axis(moments: &[Lanes; 6], out: &mut Lanes) {
+pub(super) fn spread(moments: &[Lanes; 6], beside: &mut Lanes, along: &mut Lanes) {
     for i in 0..LANES {
-        let v = turned_by(moments, i, 1);
         let [xx, xy, xz, yy, yz, zz] =
             [moments[0][i], moments[1][i], moments[2][i], moments[3][i], moments[4][i], moments[5][i]];
-        let w = [
-            xx * v[0] + xy * v[1] + xz * v[2],
-            xy * v[0] + yy * v[1] + yz * v[2],
-            xz * v[0] + yz * v[1] + zz * v[2],
-        ];
-        let square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-        let along = (v[0] * w[0] + v[1] * w[1] + v[2] * w[2]) / (square + f32::MIN_POSITIVE);
-        out[i] += xx + yy + zz - along;
+        let trace = xx + yy + zz;
+        let squares = xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz);
+        let off = 0.5 * (trace - squares / (trace + f32::MIN_POSITIVE));
+        beside[i] += off;
+        along[i] += trace - off;
     }
 }
 

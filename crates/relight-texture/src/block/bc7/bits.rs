@@ -1,9 +1,9 @@
 //! From what was found to the bits of a block.
 
-use super::Found;
-use super::modes::{Mode, Mode0, Mode1, Mode2, Mode3, Mode6, subset_of, value};
+use super::modes::{Mode, Mode0, Mode1, Mode2, Mode3, Mode6, parting_of, subset_in, value};
 use super::partitions::{THREE, TWO};
-use crate::block::side_by_side::{TEXELS, Texels, limited, nearest};
+use super::{Best, Block};
+use crate::block::side_by_side::{TEXELS, limited, nearest};
 
 /// Bits from the lowest on.
 struct Bits {
@@ -18,20 +18,22 @@ impl Bits {
     }
 }
 
-impl Found {
+impl Best {
     /// The bytes of a block of these texels.
-    pub(super) fn block(&self, lane: usize, texels: &Texels) -> [u8; 16] {
-        match self.mode[lane] {
-            0 => self.block_of::<Mode0>(lane, texels),
-            1 => self.block_of::<Mode1>(lane, texels),
-            2 => self.block_of::<Mode2>(lane, texels),
-            3 => self.block_of::<Mode3>(lane, texels),
-            _ => self.block_of::<Mode6>(lane, texels),
+    pub(super) fn block(&self, texels: &Block) -> [u8; 16] {
+        match self.mode {
+            0 => self.block_of::<Mode0>(texels),
+            1 => self.block_of::<Mode1>(texels),
+            2 => self.block_of::<Mode2>(texels),
+            3 => self.block_of::<Mode3>(texels),
+            _ => self.block_of::<Mode6>(texels),
         }
     }
 
-    fn block_of<M: Mode>(&self, lane: usize, texels: &Texels) -> [u8; 16] {
-        let partition = self.partition[lane];
+    fn block_of<M: Mode>(&self, texels: &Block) -> [u8; 16] {
+        let partition = self.partition;
+        let parting = parting_of::<M>(partition);
+        let is_in = |texel: usize, subset: usize| subset_in::<M>(parting, texel) == subset as u32;
         let anchors = match M::SUBSETS {
             1 => [0; 3],
             2 => [0, usize::from(TWO[partition].1), 0],
@@ -40,15 +42,15 @@ impl Found {
         let mut codes = [[[0u64; 3]; 2]; 3];
         let mut places = [0; TEXELS];
         for subset in 0..M::SUBSETS {
-            let own = [0, 1].map(|end| [0, 1, 2].map(|c| self.codes[subset][end][c][lane]));
+            let own = self.codes[subset];
             let [first, second] = own.map(|codes| codes.map(value::<M>));
             let across = [0, 1, 2].map(|c| second[c] - first[c]);
             let square = across[0] * across[0] + across[1] * across[1] + across[2] * across[2];
             let inverse = if square > 0.0 { M::STEPS as f32 / square } else { 0.0 };
-            for (texel, values) in texels.iter().enumerate() {
-                if subset_of::<M>(partition, texel) == subset {
+            for (texel, values) in texels.as_chunks::<3>().0.iter().enumerate() {
+                if is_in(texel, subset) {
                     let along =
-                        (0..3).fold(0.0, |sum, c| sum + (values[c][lane] - first[c]) * (across[c] * inverse));
+                        (0..3).fold(0.0, |sum, c| sum + (values[c] - first[c]) * (across[c] * inverse));
                     places[texel] = nearest(limited(along, M::STEPS as f32)) as usize;
                 }
             }
@@ -57,7 +59,7 @@ impl Found {
             if places[anchors[subset]] > M::STEPS / 2 {
                 codes[subset].swap(0, 1);
                 for (texel, place) in places.iter_mut().enumerate() {
-                    if subset_of::<M>(partition, texel) == subset {
+                    if is_in(texel, subset) {
                         *place = M::STEPS - *place;
                     }
                 }

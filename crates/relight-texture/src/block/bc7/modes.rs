@@ -76,13 +76,22 @@ impl Mode for Mode2 {
     const STEPS: usize = 3;
 }
 
-/// The subset of a texel.
-#[inline(always)]
-pub(super) fn subset_of<M: Mode>(partition: usize, texel: usize) -> usize {
+/// A way to part a block as bits from the first texel on: one each for two subsets, two for three.
+pub(super) fn parting_of<M: Mode>(partition: usize) -> u32 {
     match M::SUBSETS {
         1 => 0,
-        2 => usize::from(TWO[partition].0 >> texel & 1),
-        _ => (THREE[partition].0 >> (2 * texel) & 3) as usize,
+        2 => u32::from(TWO[partition].0),
+        _ => THREE[partition].0,
+    }
+}
+
+/// The subset of a texel by such bits.
+#[inline(always)]
+pub(super) fn subset_in<M: Mode>(parting: u32, texel: usize) -> u32 {
+    match M::SUBSETS {
+        1 => 0,
+        2 => parting >> texel & 1,
+        _ => parting >> (2 * texel) & 3,
     }
 }
 
