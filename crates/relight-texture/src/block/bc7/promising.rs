@@ -1,6 +1,5 @@
 //! Which ways to part a block are worth trying: those whose subsets lie closest to lines, and short ones.
 
-
 use super::partitions::{THREE, TWO};
 use crate::block::side_by_side::{LANES, Lanes, TEXELS, Texels, limited, spread};
 use relight_core::Vectorized;
