@@ -35,7 +35,7 @@ pub(crate) struct FitOptions {
     #[arg(long, value_name = "RIDGE", default_value = "auto", value_parser = ridge_of, allow_negative_numbers = true)]
     pub(super) ridge: Ridge,
     /// Follow most lights at each pixel instead of all, so that shadows and highlights are left out: the matte layer;
-    /// for ptm, sh, hsh and srbf
+    /// for ptm, sh, hsh and srbf. Without a cache, bakes keep coefficients, 4 bytes each, in a folder beside the output meanwhile
     #[arg(long)]
     robust: bool,
     /// Weight of each light: by the area of its cell on the sphere, or all alike
