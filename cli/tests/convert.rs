@@ -304,6 +304,28 @@ fn what_can_t_be_is_refused_and_leaves_nothing() {
     }
 }
 
+#[test]
+fn outputs_are_told_from_inputs_by_where_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    bake(here, "a.ktx2", "--basis sh -k 9");
+    let refused = &["another file of this command too"];
+    fs::create_dir(here.join("below")).unwrap();
+    relight(here, "convert a.ktx2 -o below/../a.ktx2").assert_refused(2, refused);
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("a.ktx2", here.join("link.ktx2")).unwrap();
+        relight(here, "convert a.ktx2 -o link.ktx2").assert_refused(2, refused);
+        relight(here, "convert link.ktx2 -o a.ktx2").assert_refused(2, refused);
+    }
+    // Another file of the same length and time is another file.
+    fs::copy(here.join("a.ktx2"), here.join("twin.ktx2")).unwrap();
+    let time = fs::metadata(here.join("a.ktx2")).unwrap().modified().unwrap();
+    fs::File::options().write(true).open(here.join("twin.ktx2")).unwrap().set_modified(time).unwrap();
+    relight(here, "convert a.ktx2 -o twin.ktx2 --block bc1").ok();
+    assert_ne!(fs::read(here.join("a.ktx2")).unwrap(), fs::read(here.join("twin.ktx2")).unwrap());
+}
+
 /// A folder of another program, beside the checkout.
 #[test]
 fn web_folders_of_other_programs_become_ptm_and_textures() {
