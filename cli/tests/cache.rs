@@ -183,6 +183,30 @@ fn damaged_files_of_a_cache_cost_time_and_one_note() {
 }
 
 #[test]
+fn a_fit_whose_tile_is_damaged_is_chosen_and_solved_anew() {
+    let folder = here();
+    let here = folder.path();
+    // Planes that were learned can't be solved for again; of the usual functions there are fewer under so few lights, which is said.
+    for options in ["--basis pca -k 3", "--basis sh"] {
+        let line = format!("bake set -o a.ktx2 --cache kept --crop 96x80+150+160 {options}");
+        let first = relight(here, &line).ok();
+        let whole = fs::read(here.join("a.ktx2")).unwrap();
+        let tile =
+            files_below(&here.join("kept")).into_iter().find(|path| path.ends_with("tile-000")).unwrap();
+        let mut odd = fs::read(&tile).unwrap();
+        odd[500] ^= 1;
+        fs::write(&tile, odd).unwrap();
+        fs::remove_file(here.join("a.ktx2")).unwrap();
+        let again = relight(here, &line).ok();
+        assert!(again.stdout.contains("1 tiles are fitted"), "{}", again.stdout);
+        assert_eq!(fs::read(here.join("a.ktx2")).unwrap(), whole, "{options}");
+        let notes = |words: &str| words.lines().filter(|line| !line.contains("cache")).count();
+        assert_eq!(notes(&again.stderr), notes(&first.stderr), "{}\n{}", first.stderr, again.stderr);
+        fs::remove_dir_all(here.join("kept")).unwrap();
+    }
+}
+
+#[test]
 fn two_processes_fill_one_cache() {
     let folder = here();
     let here = folder.path();
