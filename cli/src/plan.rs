@@ -125,7 +125,8 @@ pub(crate) fn run(arguments: &PlanArguments) -> Result<(), Failure> {
     let mut stages = Stages::default();
     let Ready { job: opened, fitted, lamps, map, space, .. } =
         Job::open(bake, &mut stages)?.prepare(&mut stages)?;
-    let planned = Planned::new(&bake.output, &bake.fit, &bake.textures, &fitted, space, &opened.machine)?;
+    let planned =
+        Planned::new(&bake.output, &bake.fit, &bake.textures, &fitted, space, &opened.machine, None)?;
     let (width, height) = fitted.size();
     let grid = TileGrid::new(width * height, SPAN);
     let estimate = Estimate::new(&planned, &fitted, lamps.as_ref(), map.as_ref(), &opened.machine)?;

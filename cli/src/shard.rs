@@ -122,7 +122,7 @@ pub(crate) fn run(arguments: &ShardArguments) -> Result<(), Failure> {
         return Ok(());
     }
     let Ready { job, fitted, lamps, map, space, .. } = job.prepare(&mut stages)?;
-    let planned = Planned::new(&bake.output, &bake.fit, &bake.textures, &fitted, space, &job.machine)?;
+    let planned = Planned::new(&bake.output, &bake.fit, &bake.textures, &fitted, space, &job.machine, None)?;
     let surface = map.as_ref().map_or(0, |map| size_of_val(&map.points[..])) as u64;
     drop(map);
     let pictures = job_pictures(

@@ -23,7 +23,7 @@ pub(crate) struct KeptFit {
 
 /// What a fit found, as it is kept. Numbers may be infinite, which JSON has no word for.
 #[derive(Serialize, Deserialize)]
-struct Facts {
+pub(crate) struct Facts {
     /// JSON.
     basis: String,
     figures: FitFigures,
@@ -84,27 +84,24 @@ pub(crate) struct Keeper {
     pub(crate) size: (usize, usize),
     pub(crate) grid: TileGrid,
     pub(crate) counts: CacheUse,
-    /// What the fit found, between [`Self::basis`] and [`Self::take_up`].
-    facts: Option<Facts>,
 }
 
 impl Keeper {
     /// For a picture of `size` pixels.
     pub(crate) fn new(folder: FitFolder, size: (usize, usize)) -> Self {
         let grid = TileGrid::new(size.0 * size.1, SPAN);
-        Self { folder, size, grid, counts: CacheUse::default(), facts: None }
+        Self { folder, size, grid, counts: CacheUse::default() }
     }
 
-    /// The functions of the fit, where what it found is there and whole.
-    pub(crate) fn basis(&mut self) -> Option<Basis> {
-        let facts = self.folder.facts::<Facts>();
-        self.facts = self.unless_odd(facts);
-        serde_json::from_str(&self.facts.as_ref()?.basis).ok()
+    /// What the fit found, where that is there and whole.
+    pub(crate) fn facts(&mut self) -> Option<Facts> {
+        let facts = self.folder.facts();
+        self.unless_odd(facts)
     }
 
-    /// The fit of which [`Self::basis`] gave the functions, where its coefficients are there and whole too.
-    pub(crate) fn take_up(&mut self, model: &Model) -> Option<(BakeFit<'static>, TileStack)> {
-        let (fit, planes) = self.facts.take()?.fit(model)?;
+    /// The fit of `facts`, where its coefficients are there and whole too; `model` has its functions.
+    pub(crate) fn take_up(&mut self, facts: Facts, model: &Model) -> Option<(BakeFit<'static>, TileStack)> {
+        let (fit, planes) = facts.fit(model)?;
         let all: Vec<usize> = (0..self.grid.count()).collect();
         let tiles = self.folder.tiles(self.grid, planes, &all);
         self.counts.odd += tiles.odd;
@@ -240,11 +237,14 @@ impl Facts {
         }
     }
 
-    /// The fit, and its number of planes; `model` is that of the asset but for its functions.
+    /// The functions.
+    pub(crate) fn basis(&self) -> Option<Basis> {
+        serde_json::from_str(&self.basis).ok()
+    }
+
+    /// The fit, and its number of planes; `model` is that of the asset.
     fn fit(self, model: &Model) -> Option<(BakeFit<'static>, usize)> {
-        let basis: Basis = serde_json::from_str(&self.basis).ok()?;
-        let model = Model { basis, ..model.clone() };
-        let planes = Refit::unchanged(&model).ok()?;
+        let planes = Refit::unchanged(model).ok()?;
         let [fit, left_out, leverage] = self.errors;
         let misfit = |(light, rmse, expected, better)| Misfit { light, rmse, expected, better };
         let kept = KeptFit {

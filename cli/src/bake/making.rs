@@ -97,26 +97,12 @@ fn taken<T>(cell: &OnceCell<T>, take: impl FnOnce() -> Result<T, Failure>) -> Re
 }
 
 impl<'a> Planned<'a> {
-    /// Everything about the asset at `output` that options and lights decide.
+    /// Everything about the asset at `output` that options and lights decide; of a fit that came out with the functions `known`,
+    /// these are not chosen again.
     ///
     /// # Errors
     /// Exit code 2 for options that exclude each other, 5 where --budget-bytes holds nothing.
     pub(crate) fn new(
-        output: &Path,
-        fit: &'a FitOptions,
-        textures: &'a TextureOptions,
-        capture: &OpenCapture,
-        space: Space,
-        machine: &Machine,
-    ) -> Result<Self, Failure> {
-        Self::of(output, fit, textures, capture, space, machine, None)
-    }
-
-    /// [`Self::new`] of a fit that is known to have come out with the functions `known`, which are not chosen again.
-    ///
-    /// # Errors
-    /// As there.
-    pub(crate) fn of(
         output: &Path,
         fit: &'a FitOptions,
         textures: &'a TextureOptions,

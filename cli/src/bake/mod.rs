@@ -30,7 +30,7 @@ pub(crate) use fit::BakeFit;
 pub(crate) use fit_options::{Color, FitOptions, TargetOptions};
 use job::suffix_of;
 pub(crate) use job::{Job, Ready, input_files, job_pictures};
-pub(crate) use kept::{CacheUse, KeepError, Keeper};
+pub(crate) use kept::{CacheUse, Facts, KeepError, Keeper};
 pub(crate) use keys::{fit_key_of, key_of};
 pub(crate) use making::{Coefficients, Made, Planned, Samples, bytes_beside, make};
 use relight_core::{Space, Stack};
@@ -155,8 +155,8 @@ fn dry_run(job: Job<'_>, mut stages: Stages) -> Result<(), Failure> {
         // What the targets take is known afterwards.
         true => vec![arguments.output.clone()],
         false => {
-            Planned::new(&arguments.output, &arguments.fit, &arguments.textures, &fitted, space, machine)?
-                .files(stored)?
+            let Job { arguments: BakeArguments { output, fit, textures, .. }, .. } = &job;
+            Planned::new(output, fit, textures, &fitted, space, machine, None)?.files(stored)?
         }
     };
     let inputs = job.inputs(left_out.as_ref());
@@ -210,12 +210,14 @@ pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result
     }
     .map(|folder| Keeper::new(folder, fitted.size()));
     let plan = |known| -> Result<_, Failure> {
-        let mut planned = Planned::of(&arguments.output, fit, textures, &fitted, space, machine, known)?;
+        let mut planned = Planned::new(&arguments.output, fit, textures, &fitted, space, machine, known)?;
         planned.model.provenance = Some(Box::new(provenance.clone()));
         Ok(planned)
     };
-    let known = keeper.as_mut().and_then(Keeper::basis);
-    let mut planned = plan(known.clone())?;
+    let facts = keeper.as_mut().and_then(Keeper::facts);
+    let basis = facts.as_ref().and_then(Facts::basis);
+    let is_known = basis.is_some();
+    let mut planned = plan(basis)?;
     if let Keeping::In(Some(cache)) = &keeping
         && keeper.is_some()
         && !cache.has_room_for(planned.float_bytes())
@@ -223,8 +225,11 @@ pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result
         keeper = None;
         scene_notes.push("the coefficients are more than --cache-size allows and are not kept".to_owned());
     }
-    let taken = stages.time("cache", || keeper.as_mut().and_then(|keeper| keeper.take_up(&planned.model)));
-    if taken.is_none() && known.is_some() {
+    let taken = stages.time("cache", || match (&mut keeper, facts) {
+        (Some(keeper), Some(facts)) if is_known => keeper.take_up(facts, &planned.model),
+        _ => None,
+    });
+    if taken.is_none() && is_known {
         planned = plan(None)?;
     }
     let scratch_fit = match keeper.is_none() && planned.fits_slowly_and_twice() {
@@ -286,11 +291,11 @@ pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result
     };
     planned.keep_versions_in = scratch.as_ref().map(|folder| folder.path().to_owned());
     let distributions = keeper.as_mut().map(Keeper::distributions).unwrap_or_default();
-    let known = distributions.len();
+    let kept = distributions.len();
     let mut coefficients = Coefficients { fit: &fit, stack, distributions };
     let mut made = make(&mut [&mut planned], &mut coefficients, positions, machine, &mut stages, &check)?;
     if let (Keeping::In(_), Some(keeper)) = (&keeping, &keeper)
-        && coefficients.distributions.len() != known
+        && coefficients.distributions.len() != kept
     {
         // Where they can't be kept, the next bake finds them again.
         drop(keeper.folder.keep_distributions(&coefficients.distributions));

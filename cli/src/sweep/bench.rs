@@ -39,7 +39,7 @@ pub(super) struct Decoded {
 
 impl Opened<'_> {
     pub(super) fn planned<'a>(&self, choice: &'a Choice, output: &Path) -> Result<Planned<'a>, Failure> {
-        Planned::new(output, &choice.fit, &choice.textures, self.fitted, self.space, &self.machine)
+        Planned::new(output, &choice.fit, &choice.textures, self.fitted, self.space, &self.machine, None)
     }
 
     /// Bytes of the judging pictures as f32.

@@ -135,7 +135,7 @@ impl Vectorized for Squares<'_> {
     }
 }
 
-/// Writes coefficients as texels of `domain` before they are coded, channel `channel` of `channels`: [`Quantizer::texel`] to the bit.
+/// Writes coefficients as texels of `domain` before they are coded, channel `channel` of `channels`.
 pub(crate) fn texels(
     level: CpuLevel,
     (quantizer, domain): (Quantizer, TexelDomain),
@@ -143,13 +143,8 @@ pub(crate) fn texels(
     (channel, channels): (usize, usize),
     out: &mut [f32],
 ) {
-    let (low, high) = match domain {
-        TexelDomain::Unit => (0.0, 1.0),
-        TexelDomain::Signed => (-1.0, 1.0),
-        TexelDomain::Half | TexelDomain::Float => (f32::NEG_INFINITY, f32::INFINITY),
-    };
     let place = Place { channel, channels };
-    level.run(TexelsOf { quantizer, low, high, coefficients, place, out });
+    level.run(TexelsOf { quantizer, domain, coefficients, place, out });
 }
 
 /// A channel among others.
@@ -179,8 +174,7 @@ macro_rules! of_place {
 
 struct TexelsOf<'a> {
     quantizer: Quantizer,
-    low: f32,
-    high: f32,
+    domain: TexelDomain,
     coefficients: &'a [f32],
     place: Place,
     out: &'a mut [f32],
@@ -198,13 +192,9 @@ impl Vectorized for TexelsOf<'_> {
 impl TexelsOf<'_> {
     #[inline(always)]
     fn write<const CHANNELS: usize, const CHANNEL: usize>(self) {
-        let Self { quantizer: Quantizer { scale, bias }, low, high, coefficients, out, .. } = self;
-        let flat = scale == 0.0;
+        let Self { quantizer, domain, coefficients, out, .. } = self;
         for (texel, c) in out.as_chunks_mut::<CHANNELS>().0.iter_mut().zip(coefficients) {
-            let q = (c - bias) / scale;
-            let q = if q.is_nan() || flat { 0.0 } else { q };
-            let q = if q < low { low } else { q };
-            texel[CHANNEL] = if q > high { high } else { q };
+            texel[CHANNEL] = quantizer.texel(domain, *c);
         }
     }
 }

@@ -109,7 +109,7 @@ impl Quantizer {
 
     /// The texel q of `coefficient`, which block encoders take, clamped to 0..1 or -1..1 where that is
     /// all that `domain` holds; 0 where there is no width and for NaN.
-    #[inline]
+    #[inline(always)]
     pub fn texel(self, domain: TexelDomain, coefficient: f32) -> f32 {
         let q = (coefficient - self.bias) / self.scale;
         // 0 / 0, and x / 0 where the range is so narrow that scale is a denormal.

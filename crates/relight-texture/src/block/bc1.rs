@@ -56,7 +56,7 @@ fn encode<const BYTES: usize>(row: &BlockRow<'_>, effort: &Effort, offset: usize
     let level = CpuLevel::detect();
     let mut texels = [[[0.0; LANES]; 3]; TEXELS];
     for (index, out) in out.chunks_mut(LANES * BYTES).enumerate() {
-        gather(row, index, out.len() / BYTES, 1.0, &mut texels);
+        gather(row, index, out.len() / BYTES, &mut texels);
         let found = level.run(Blocks { texels: &texels, effort });
         for (lane, block) in out.chunks_exact_mut(BYTES).enumerate() {
             block[offset..offset + 8].copy_from_slice(&found.block(lane));

@@ -182,7 +182,6 @@ fn gather<'a>(blocks: impl Iterator<Item = &'a Block>, texels: &mut Texels) {
     }
 }
 
-#[derive(Clone, Copy)]
 struct Blocks<'a> {
     /// 0..255.
     texels: &'a Texels,

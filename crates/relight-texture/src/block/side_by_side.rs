@@ -20,15 +20,15 @@ pub(super) type Texels = [[Lanes; 3]; TEXELS];
 /// Two colours of each block.
 pub(super) type Ends = [[Lanes; 3]; 2];
 
-/// The blocks from number `index` x [`LANES`] on, as many as there are, times `scale`; what other lanes held stays.
-pub(super) fn gather(row: &BlockRow<'_>, index: usize, count: usize, scale: f32, texels: &mut Texels) {
+/// The blocks from number `index` x [`LANES`] on, as many as there are; what other lanes held stays.
+pub(super) fn gather(row: &BlockRow<'_>, index: usize, count: usize, texels: &mut Texels) {
     let stride = row.width * row.channels;
     for (texel, values) in texels.iter_mut().enumerate() {
         let first = texel / 4 * stride + (index * LANES * 4 + texel % 4) * row.channels;
         for lane in 0..count {
             let at = first + lane * 4 * row.channels;
             for (values, value) in values.iter_mut().zip(&row.texels[at..at + 3]) {
-                values[lane] = *value * scale;
+                values[lane] = *value;
             }
         }
     }

@@ -67,7 +67,7 @@ impl Best {
         }
         let mut bits = Bits { bits: 0, count: 0 };
         bits.push(1 << M::NUMBER, M::NUMBER as u32 + 1);
-        bits.push(partition as u64, [0, 0, 6, if M::NUMBER == 0 { 4 } else { 6 }][M::SUBSETS]);
+        bits.push(partition as u64, M::PARTITIONS.ilog2());
         let has_parity = M::STRIDE == 2.0;
         let shift = u32::from(has_parity);
         for c in 0..3 {

@@ -7,6 +7,8 @@ use crate::block::side_by_side::{limited, nearest};
 pub(super) trait Mode {
     const NUMBER: usize;
     const SUBSETS: usize;
+    /// Ways to part a block that can be named.
+    const PARTITIONS: usize;
     /// Bits of a code, its parity included.
     const BITS: u32;
     /// From one code that an end may have to the next: 2 where all channels of an end have the same parity.
@@ -26,6 +28,7 @@ pub(super) struct Mode6;
 impl Mode for Mode6 {
     const NUMBER: usize = 6;
     const SUBSETS: usize = 1;
+    const PARTITIONS: usize = 1;
     const BITS: u32 = 8;
     const STRIDE: f32 = 2.0;
     const PARITIES: &'static [[f32; 2]] = EACH;
@@ -37,6 +40,7 @@ pub(super) struct Mode1;
 impl Mode for Mode1 {
     const NUMBER: usize = 1;
     const SUBSETS: usize = 2;
+    const PARTITIONS: usize = 64;
     const BITS: u32 = 7;
     const STRIDE: f32 = 2.0;
     const PARITIES: &'static [[f32; 2]] = &[[0.0, 0.0], [1.0, 1.0]];
@@ -48,6 +52,7 @@ pub(super) struct Mode3;
 impl Mode for Mode3 {
     const NUMBER: usize = 3;
     const SUBSETS: usize = 2;
+    const PARTITIONS: usize = 64;
     const BITS: u32 = 8;
     const STRIDE: f32 = 2.0;
     const PARITIES: &'static [[f32; 2]] = EACH;
@@ -59,6 +64,7 @@ pub(super) struct Mode0;
 impl Mode for Mode0 {
     const NUMBER: usize = 0;
     const SUBSETS: usize = 3;
+    const PARTITIONS: usize = 16;
     const BITS: u32 = 5;
     const STRIDE: f32 = 2.0;
     const PARITIES: &'static [[f32; 2]] = EACH;
@@ -70,6 +76,7 @@ pub(super) struct Mode2;
 impl Mode for Mode2 {
     const NUMBER: usize = 2;
     const SUBSETS: usize = 3;
+    const PARTITIONS: usize = 64;
     const BITS: u32 = 5;
     const STRIDE: f32 = 1.0;
     const PARITIES: &'static [[f32; 2]] = &[[0.0, 0.0]];

@@ -1,20 +1,14 @@
 //! Which ways to part a block are worth trying: those whose subsets lie closest to lines, and short ones.
 
-use super::partitions::{THREE, TWO};
+use super::modes::{Mode, Mode0, Mode1, Mode2, Mode3, parting_of, subset_in};
 use crate::block::side_by_side::{LANES, Lanes, TEXELS, Texels, limited, spread};
 use relight_core::Vectorized;
-
-/// Ways to part a block that mode 0 can name.
-const MODE_0_PARTITIONS: usize = 16;
 
 /// Most ways to part a block that are tried in a mode.
 const MOST_TRIED: usize = 16;
 
 /// Bits of a promise that hold the number of a way.
 const NUMBERS: u32 = 63;
-
-/// What is left of the squares along a line by eight colours, and by four, of values that are spread evenly.
-const LEFT: [f32; 2] = [1.0 / 49.0, 1.0 / 9.0];
 
 /// The least errors that may be hoped for, with the number of the way in their last bits; in modes 1, 3, 0 and 2, the smallest first,
 /// infinite beyond those that are tried.
@@ -30,7 +24,7 @@ pub(super) struct Promising<'a> {
     pub(super) texels: &'a Texels,
     /// How many in each mode.
     pub(super) tried: [usize; 4],
-    /// The part of [`LEFT`] that a promise has: ends suit the few texels that there are.
+    /// The part of what evenly spread values along a line lose that a promise has: ends suit the few texels that there are.
     pub(super) left: f32,
 }
 
@@ -42,23 +36,16 @@ impl Vectorized for Promising<'_> {
     fn run(self) -> Promises {
         let mut promises = [[[f32::INFINITY; LANES]; MOST_TRIED]; 4];
         let [of_1, of_3, of_0, of_2] = self.tried;
-        if of_1 + of_3 + of_0 + of_2 == 0 {
-            return promises;
-        }
-        let left = [self.left * LEFT[0], self.left * LEFT[1]];
         let products = self.products();
         let (totals, _) = sums_of(&products, |_| true);
+        let [for_1, for_3, for_0, for_2] = &mut promises;
         if of_1.max(of_3) > 0 {
-            let [for_1, for_3, ..] = &mut promises;
-            let of_two = |partition: usize, texel: usize| TWO[partition].0 >> texel & 1;
-            let lists = [(&mut for_1[..of_1], TWO.len()), (&mut for_3[..of_3], TWO.len())];
-            closest::<2>(&products, &totals, of_two, lists, left);
+            let lists = [&mut for_1[..of_1], &mut for_3[..of_3]];
+            closest::<Mode1, Mode3>(&products, &totals, lists, self.left);
         }
         if of_0.max(of_2) > 0 {
-            let of_three = |partition: usize, texel: usize| (THREE[partition].0 >> (2 * texel) & 3) as u16;
-            let [.., for_0, for_2] = &mut promises;
-            let lists = [(&mut for_0[..of_0], MODE_0_PARTITIONS), (&mut for_2[..of_2], THREE.len())];
-            closest::<3>(&products, &totals, of_three, lists, left);
+            let lists = [&mut for_0[..of_0], &mut for_2[..of_2]];
+            closest::<Mode0, Mode2>(&products, &totals, lists, self.left);
         }
         promises
     }
@@ -96,26 +83,27 @@ impl Promising<'_> {
     }
 }
 
-/// Fills the lists of two modes, lines of eight colours and of four, from so many ways to part a block each, at least as many for the
-/// second.
+/// Fills the lists of two modes of as many subsets, the second with at least as many ways to part a block.
 #[inline(always)]
-fn closest<const SUBSETS: usize>(
+fn closest<A: Mode, B: Mode>(
     products: &[Products; TEXELS],
     totals: &Products,
-    subset_of: impl Fn(usize, usize) -> u16,
-    mut lists: [(&mut [Lanes], usize); 2],
-    left: [f32; 2],
+    mut lists: [&mut [Lanes]; 2],
+    left: f32,
 ) {
-    for partition in 0..lists[1].1 {
+    // What steps leave of the squares along a line of values that are spread evenly.
+    let lefts = [A::STEPS, B::STEPS].map(|steps| left * (1.0 / (steps * steps) as f32));
+    for partition in 0..B::PARTITIONS {
+        let parting = parting_of::<B>(partition);
         let (mut beside, mut along) = ([0.0; LANES], [0.0; LANES]);
         let mut rest = *totals;
         let mut rest_count = TEXELS;
-        for subset in 1..=SUBSETS {
+        for subset in 1..=B::SUBSETS {
             // The last subset is what is left.
             let mut sums = rest;
             let mut texels = rest_count;
-            if subset < SUBSETS {
-                let of_subset = |texel: usize| usize::from(subset_of(partition, texel)) == subset;
+            if subset < B::SUBSETS {
+                let of_subset = |texel: usize| subset_in::<B>(parting, texel) == subset as u32;
                 (sums, texels) = sums_of(products, of_subset);
                 for (rest, sum) in rest.iter_mut().zip(&sums) {
                     for i in 0..LANES {
@@ -126,8 +114,8 @@ fn closest<const SUBSETS: usize>(
             }
             spread(&moments_about_mean(&sums, texels), &mut beside, &mut along);
         }
-        for (list, left) in lists.iter_mut().zip(left) {
-            if partition >= list.1 {
+        for ((list, left), count) in lists.iter_mut().zip(lefts).zip([A::PARTITIONS, B::PARTITIONS]) {
+            if partition >= count {
                 continue;
             }
             // The partition's number in the last bits of its promise: sorting one sorts both.
@@ -136,7 +124,7 @@ fn closest<const SUBSETS: usize>(
                 let error = limited(beside[i] + left * along[i], f32::MAX);
                 promise[i] = f32::from_bits(error.to_bits() & !NUMBERS | partition as u32);
             }
-            for least in list.0.iter_mut() {
+            for least in list.iter_mut() {
                 let (new, old) = (promise, *least);
                 for i in 0..LANES {
                     least[i] = if new[i] < old[i] { new[i] } else { old[i] };
