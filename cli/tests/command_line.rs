@@ -7,9 +7,16 @@ mod scene;
 use scene::{command, made, names_in, outcome, relight, relight_words, schema};
 use serde_json::Value;
 use std::fs;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
+
+/// Writes `bytes` to a program's standard input. One that refuses its options ends without having read them.
+fn feed(child: &mut Child, bytes: &[u8]) {
+    if let Err(e) = child.stdin.take().unwrap().write_all(bytes) {
+        assert_eq!(e.kind(), ErrorKind::BrokenPipe, "{e}");
+    }
+}
 
 /// Runs the program with `text` on standard input, and gives its bytes.
 fn relight_fed(here: &Path, line: &str, text: &str) -> std::process::Output {
@@ -20,7 +27,7 @@ fn relight_fed(here: &Path, line: &str, text: &str) -> std::process::Output {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    child.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
+    feed(&mut child, text.as_bytes());
     child.wait_with_output().unwrap()
 }
 
@@ -290,7 +297,7 @@ fn completions_are_scripts_of_their_shells() {
             println!("skipped: no {shell} on this machine");
             continue;
         };
-        check.stdin.take().unwrap().write_all(script.as_bytes()).unwrap();
+        feed(&mut check, script.as_bytes());
         let checked = check.wait_with_output().unwrap();
         assert!(
             checked.status.success() && checked.stderr.is_empty(),
