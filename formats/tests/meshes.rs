@@ -307,7 +307,11 @@ fn a_file_of_points_alone_has_them_as_parts() {
     let first_corners = |mesh: &Mesh| corner_positions(mesh).into_iter().step_by(3).collect::<Vec<_>>();
     let found: Vec<_> = parts.iter().map(|(name, mesh)| (name.as_str(), first_corners(mesh))).collect();
     assert_eq!(found, [("one", vec![[3.0, 4.0, 5.0]]), ("two", vec![[1.0; 3], [2.0; 3]])]);
-    for (text, words) in [("vn 0 0 1\n", "no triangle and no point;"), ("v 3 4\n", "damaged OBJ")] {
+    for (text, words) in [
+        ("vn 0 0 1\n", "neither glTF nor"),
+        ("input = 'capture'\nv = 3\n", "neither glTF nor"),
+        ("v 3 4\n", "damaged OBJ"),
+    ] {
         let error = parts_of(text.as_bytes()).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
     }
@@ -332,7 +336,7 @@ fn corner_positions(mesh: &Mesh) -> Vec<[f32; 3]> {
 
 #[test]
 fn what_is_no_mesh_or_leads_elsewhere_is_refused_in_a_sentence() {
-    assert_refused(read_bytes(b""), "no triangle");
+    assert_refused(read_bytes(b""), "neither glTF nor the text of an OBJ file");
     assert_refused(read_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"), "no triangle");
     assert_refused(read_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"), "damaged OBJ");
     assert_refused(read_bytes(b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), "positions of vertex 0");

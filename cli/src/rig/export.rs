@@ -6,7 +6,7 @@ use super::window::{WindowChoice, ringing_record, ringing_words};
 use crate::failure::Failure;
 use crate::options::{MachineOptions, check_apart, check_extension, check_writable};
 use crate::say::say;
-use clap::Args;
+use clap::{ArgGroup, Args};
 use relight_formats::{read_rig, read_scene, write_whole};
 use relight_rig::convention::{Axes, HARMONICS, Places, TARGETS, Target, ambient_cubes};
 use relight_rig::{AxisFunction, Frame, Placement, RigPart, Ringing, Window};
@@ -17,6 +17,7 @@ use std::path::PathBuf;
 /// What to export.
 #[derive(Args, Debug)]
 #[group(id = "rig_export")]
+#[command(group = ArgGroup::new("reader").args(["target", "zh3"]).required(true))]
 pub(super) struct ExportArguments {
     /// The rig: .rig
     rig: PathBuf,
@@ -28,10 +29,10 @@ pub(super) struct ExportArguments {
     time: f64,
     /// Who reads it: directxmath, filament, filament-generic, unity, threejs, babylon, godot, bevy, gltf,
     /// gltf-without-phase
-    #[arg(long, value_name = "NAME", value_parser = target_of, required_unless_present = "zh3")]
+    #[arg(long, value_name = "NAME", value_parser = target_of)]
     target: Option<&'static Target>,
     /// Five values a channel instead of nine: bands 0 and 1 and a zonal one of band 2
-    #[arg(long, conflicts_with = "target")]
+    #[arg(long)]
     zh3: bool,
     /// Weigh bands so that light does not ring below 0 at points of the surface, and say what that costs
     #[arg(long, value_name = "WINDOW", value_enum)]

@@ -15,9 +15,8 @@ pub(super) fn read(
     memory_limit: u64,
     elements: Elements,
 ) -> Result<Vec<Piece>, FormatError> {
-    if bytes.contains(&0) {
-        let problem =
-            "it is neither glTF nor the text of an OBJ file; export the mesh as .glb, .gltf or .obj";
+    if bytes.contains(&0) || !has_vertex(bytes) {
+        let problem = "it is neither glTF nor the text of an OBJ file with vertices (v X Y Z); export the mesh as .glb, .gltf or .obj";
         return Err(FormatError::unsupported(path, problem));
     }
     // A corner takes two bytes of text at least and gives three corners of triangles at most.
@@ -30,6 +29,15 @@ pub(super) fn read(
         FormatError::invalid(path, format!("damaged OBJ: {error}; export the mesh again"))
     })?;
     Ok(models.into_iter().map(|model| Piece { part: model.name, mesh: mesh_of(model.mesh) }).collect())
+}
+
+/// Whether a line begins as a vertex; other texts, such as job files, have none.
+fn has_vertex(bytes: &[u8]) -> bool {
+    bytes.split(|byte| *byte == b'\n').any(|line| {
+        let line = String::from_utf8_lossy(line);
+        let mut words = line.split_whitespace();
+        words.next() == Some("v") && words.next().is_some_and(|number| number.parse::<f32>().is_ok())
+    })
 }
 
 fn mesh_of(mesh: tobj::Mesh) -> Mesh {
