@@ -1,14 +1,12 @@
 //! `relight bake --plan`: fits the tiles of one shard of a plan.
 
-use crate::bake::{Job, Keeper, Planned, Ready, Samples, Stages, fit_key_of, job_pictures};
+use crate::bake::{Job, Keeper, Planned, Ready, Source, Stages, fit_key_of};
 use crate::failure::Failure;
 use crate::options::MachineOptions;
 use crate::plan::{PlanFile, bake_of, tiles_of};
 use crate::say::say;
 use crate::{interrupt, notes};
 use clap::Args;
-use relight_core::Stack;
-use relight_fit::LevelledStack;
 use relight_formats::FitFolder;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -121,30 +119,15 @@ pub(crate) fn run(arguments: &ShardArguments) -> Result<(), Failure> {
         say!("{name}: its {} tiles are there already", wanted.len());
         return Ok(());
     }
-    let Ready { job, fitted, lamps, map, space, .. } = job.prepare(&mut stages)?;
-    let planned = Planned::new(&bake.output, &bake.fit, &bake.textures, &fitted, space, &job.machine, None)?;
-    let surface = map.as_ref().map_or(0, |map| size_of_val(&map.points[..])) as u64;
-    drop(map);
-    let pictures = job_pictures(
-        &planned,
-        &fitted,
-        lamps.as_ref(),
-        (surface, &arguments.output),
-        &job.machine,
-        &mut stages,
-    )?;
-    job.stamps.check()?;
-    let levelled = lamps.as_ref().map(|lamps| LevelledStack {
-        stack: &pictures,
-        lamps,
-        space,
-        level: job.machine.level,
-    });
-    let stack: &dyn Stack = levelled.as_ref().map_or(&pictures, |levelled| levelled);
-    let fit = stages.time("solve", || planned.solve(&fitted, &Samples::new(stack), lamps.as_ref()))?;
+    let mut ready = job.prepare(&mut stages)?;
+    let surface = ready.map.take().map_or(0, |map| size_of_val(&map.points[..])) as u64;
+    let Ready { job, fitted, space, .. } = &ready;
+    let planned = Planned::new(&bake.output, &bake.fit, &bake.textures, fitted, *space, &job.machine, None)?;
+    let place = (surface, arguments.output.as_path());
+    let Source { fit, stack, .. } = Source::of_pictures(&ready, &planned, None, place, &mut stages)?;
     interrupt::check()?;
     let model = planned.model_of(&fit);
-    stages.time("fit", || keeper.fill(&fit, &model, stack, job.machine.level, &wanted))?;
+    stages.time("fit", || keeper.fill(&fit, &model, &*stack, job.machine.level, &wanted))?;
     notes::print(&keeper.counts.note().into_iter().collect::<Vec<_>>());
     let counts = keeper.counts;
     say!("{name}: {} tiles fitted, {} taken up from an earlier run", counts.fitted, counts.taken);

@@ -194,10 +194,17 @@ impl<'a> Job<'a> {
             None => None,
         };
         notes::print(&self.all.capture.notes);
-        let outputs = std::iter::once(&arguments.output).chain(&self.beside_asset);
-        check_apart(outputs, self.inputs(left_out.as_ref()))?;
         let space = arguments.fit.space(&self.all);
-        Ok(Ready { job: self, fitted, left_out, lamps, lamps_of_judges, map, space })
+        let ready = Ready { job: self, fitted, left_out, lamps, lamps_of_judges, map, space };
+        ready.check_apart(std::slice::from_ref(&arguments.output))?;
+        Ok(ready)
+    }
+}
+
+impl Ready<'_> {
+    /// Fails where one of `outputs`, or of what is written beside the asset, is an input or another output.
+    pub(super) fn check_apart(&self, outputs: &[PathBuf]) -> Result<(), Failure> {
+        check_apart(outputs.iter().chain(&self.job.beside_asset), self.job.inputs(self.left_out.as_ref()))
     }
 }
 
@@ -242,7 +249,7 @@ fn beside(output: &Path, suffix: &str) -> Option<PathBuf> {
 }
 
 /// Decodes the pictures that are fitted, within the memory that the rest leaves; what doesn't fit goes beside `output`.
-pub(crate) fn job_pictures(
+pub(super) fn job_pictures(
     planned: &Planned<'_>,
     fitted: &OpenCapture,
     lamps: Option<&NearLamps>,

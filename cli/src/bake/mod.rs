@@ -10,35 +10,38 @@ mod keys;
 mod making;
 mod positions;
 mod report;
+mod source;
 pub(crate) mod textures;
 mod versions;
 
-use crate::budget::{Account, Judges};
+use crate::budget::{Account, Budget, Judges};
 use crate::depfile::BuildOptions;
 use crate::evaluate::{Evaluation, PixelError};
-use crate::failure::{Exit, Failure};
+use crate::failure::Failure;
 use crate::holdout::Holdout;
 use crate::near::{NearOptions, surface_bytes};
-use crate::options::{Machine, MachineOptions, check_apart};
+use crate::options::{Machine, MachineOptions};
 use crate::photograph_options::PhotographOptions;
-use crate::say::{say, write_product};
-use crate::{evaluate, interrupt, page, progress, sweep};
+use crate::say::say;
+use crate::{evaluate, interrupt, progress, sweep};
 use cache_options::CacheOptions;
 use clap::Args;
 pub(crate) use division::{Division, split};
 pub(crate) use fit::BakeFit;
 pub(crate) use fit_options::{Color, FitOptions, TargetOptions};
 use job::suffix_of;
-pub(crate) use job::{Job, Ready, input_files, job_pictures};
-pub(crate) use kept::{CacheUse, Facts, KeepError, Keeper};
+pub(crate) use job::{Job, Ready, input_files};
+use kept::CacheUse;
+pub(crate) use kept::Keeper;
 pub(crate) use keys::{fit_key_of, key_of};
 pub(crate) use making::{Coefficients, Made, Planned, Samples, bytes_beside, make};
-use relight_core::{Space, Stack};
-use relight_fit::{LevelledStack, NearLamps};
+use relight_core::Space;
+use relight_fit::NearLamps;
 use relight_formats::{
-    AssetPositions, Cache, FitFolder, MadeFile, OpenCapture, PictureStack, ScratchFolder, StackSettings,
-    TileStack, bytes_on_disk, hexadecimal, tree_hash,
+    AssetPositions, Cache, MadeFile, OpenCapture, PictureStack, ScratchFolder, StackSettings, bytes_on_disk,
+    tree_hash,
 };
+pub(crate) use source::{Keeping, Source};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 pub(crate) use versions::Versions;
@@ -147,152 +150,61 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
 
 /// Says what [`bake`] would read and write, and checks what can be checked without decoding.
 fn dry_run(job: Job<'_>, mut stages: Stages) -> Result<(), Failure> {
-    let Ready { job, fitted, left_out, lamps, space, .. } = job.prepare(&mut stages)?;
-    let Job { arguments, machine, format, beside_asset, .. } = &job;
+    let ready = job.prepare(&mut stages)?;
+    let Ready { job, fitted, left_out, lamps, space, .. } = &ready;
+    let Job { arguments, machine, format, beside_asset, .. } = job;
     let stored = job.stores_positions(lamps.as_ref());
     arguments.positions.precision(format, &arguments.output, stored)?;
     let files = match arguments.searches()? {
         // What the targets take is known afterwards.
         true => vec![arguments.output.clone()],
         false => {
-            let Job { arguments: BakeArguments { output, fit, textures, .. }, .. } = &job;
-            Planned::new(output, fit, textures, &fitted, space, machine, None)?.files(stored)?
+            let BakeArguments { output, fit, textures, .. } = arguments;
+            Planned::new(output, fit, textures, fitted, *space, machine, None)?.files(stored)?
         }
     };
+    ready.check_apart(&files)?;
     let inputs = job.inputs(left_out.as_ref());
-    check_apart(files.iter().chain(beside_asset), inputs.iter().copied())?;
     arguments.build.say_files(inputs.iter().copied(), files.iter().chain(beside_asset));
     Ok(())
 }
 
-/// What becomes of coefficients on their way.
-pub(crate) enum Keeping {
-    /// They are kept in a cache and taken from it, where there is one.
-    In(Option<Cache>),
-    /// They are those of all shards.
-    Merged(FitFolder),
-}
-
 /// Makes the asset of `job`.
 pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result<(), Failure> {
-    let Ready { mut job, fitted, left_out, lamps, lamps_of_judges, map, space } = job.prepare(&mut stages)?;
-    let mut scene_notes = std::mem::take(&mut job.scene_notes);
-    let Job { arguments, machine, format, all, provenance, beside_asset, .. } = &job;
-    let spill_folder = spill_folder(&arguments.output);
-    let inputs = job.inputs(left_out.as_ref());
-    let stored = job.stores_positions(lamps.as_ref());
-    if !stored && job.wants_positions() {
-        scene_notes
-            .push(format!("{}: holds no positions; they serve --near alone", arguments.output.display()));
-    }
-    let precision = arguments.positions.precision(format, &arguments.output, stored)?;
-    let positions = precision.zip(map).map(|(precision, map)| AssetPositions { map, precision });
-    let position_bytes =
+    let mut ready = job.prepare(&mut stages)?;
+    let mut notes = std::mem::take(&mut ready.job.scene_notes);
+    let positions = positions_of(&mut ready, &mut notes)?;
+    let surface_bytes =
         positions.as_ref().map_or(0, |positions| size_of_val(&positions.map.points[..])) as u64;
-    let (found, decoded) = match arguments.fit.searches()? {
-        true => {
-            let (left_out, spill, beside) = (left_out.as_ref(), spill_folder.as_path(), position_bytes);
-            let opened = sweep::Opened { fitted: &fitted, left_out, space, machine: *machine, spill, beside };
-            let (found, pictures) = search(arguments, &opened, &mut stages)?;
-            (Some(found), Some(pictures))
-        }
-        false => (None, None),
-    };
+    let Ready { job, fitted, lamps, space, .. } = &ready;
+    let Job { arguments, machine, provenance, .. } = job;
+    let (found, decoded) = search(&ready, surface_bytes, &mut stages)?.unzip();
     let (fit, textures) = match &found {
         Some(found) => (&found.fit, &found.textures),
         None => (&arguments.fit, &arguments.textures),
     };
-    let mut keeper = match &keeping {
+    let mut keeper = match (&keeping, &found) {
         // What a search finds, it has measured on the way.
-        Keeping::In(_) if found.is_some() => None,
-        Keeping::In(cache) => cache.as_ref().map(|cache| cache.fit(fit_key_of(provenance))),
-        Keeping::Merged(folder) => Some(folder.clone()),
-    }
-    .map(|folder| Keeper::new(folder, fitted.size()));
+        (Keeping::In(_), Some(_)) => None,
+        _ => keeping.keeper(&ready),
+    };
     let plan = |known| -> Result<_, Failure> {
-        let mut planned = Planned::new(&arguments.output, fit, textures, &fitted, space, machine, known)?;
+        let mut planned = Planned::new(&arguments.output, fit, textures, fitted, *space, machine, known)?;
         planned.model.provenance = Some(Box::new(provenance.clone()));
         Ok(planned)
     };
-    let facts = keeper.as_mut().and_then(Keeper::facts);
-    let basis = facts.as_ref().and_then(Facts::basis);
-    let is_known = basis.is_some();
-    let mut planned = plan(basis)?;
-    if let Keeping::In(Some(cache)) = &keeping
-        && keeper.is_some()
-        && !cache.has_room_for(planned.float_bytes())
-    {
-        keeper = None;
-        scene_notes.push("the coefficients are more than --cache-size allows and are not kept".to_owned());
-    }
-    let taken = stages.time("cache", || match (&mut keeper, facts) {
-        (Some(keeper), Some(facts)) if is_known => keeper.take_up(facts, &planned.model),
-        _ => None,
-    });
-    if taken.is_none() && is_known {
-        planned = plan(None)?;
-    }
-    let scratch_fit = match keeper.is_none() && planned.fits_slowly_and_twice() {
-        // Where there is no room the fit is done twice.
-        true => ScratchFolder::beside(&arguments.output).ok(),
-        false => None,
-    };
-    let (pictures, levelled, tiles);
-    let mut spilled = 0;
-    let (mut fit, stack): (BakeFit<'_>, &dyn Stack) = match taken {
-        Some((fit, found)) => {
-            tiles = found;
-            (fit, &tiles)
-        }
-        None if matches!(keeping, Keeping::Merged(_)) => {
-            let message = format!("{}: what the shards computed is not whole", arguments.output.display());
-            return Err(Failure::new(Exit::BadInput, message));
-        }
-        None => {
-            pictures = match decoded {
-                Some(pictures) => pictures,
-                None => {
-                    let place = (position_bytes, arguments.output.as_path());
-                    job_pictures(&planned, &fitted, lamps.as_ref(), place, machine, &mut stages)?
-                }
-            };
-            job.stamps.check()?;
-            spilled = pictures.spilled_bytes();
-            levelled = lamps.as_ref().map(|lamps| LevelledStack {
-                stack: &pictures,
-                lamps,
-                space,
-                level: machine.level,
-            });
-            let stack: &dyn Stack = levelled.as_ref().map_or(&pictures, |levelled| levelled);
-            let fit =
-                stages.time("solve", || planned.solve(&fitted, &Samples::new(stack), lamps.as_ref()))?;
-            let mut scratch = scratch_fit.as_ref().map(|folder| {
-                Keeper::new(FitFolder::new(folder.path().to_owned(), fit_key_of(provenance)), fitted.size())
-            });
-            let (keeper, notes) = match keeper.as_mut() {
-                Some(keeper) => (Some(keeper), &mut scene_notes),
-                None => (scratch.as_mut(), &mut Vec::new()),
-            };
-            match keep(keeper, &planned, &fit, stack, machine, notes, &mut stages)? {
-                Some((fit, found)) => {
-                    tiles = found;
-                    (fit, &tiles)
-                }
-                None => (fit, stack),
-            }
-        }
-    };
-    let position_facts = positions.as_ref().map(positions::PositionFacts::of);
-    let check = |outputs: &[PathBuf]| check_apart(outputs.iter().chain(beside_asset), inputs.iter().copied());
+    let (place, pictures) = ((&keeping, &mut keeper), (decoded, surface_bytes));
+    let (mut planned, mut source) = Source::find(&ready, &plan, place, pictures, &mut notes, &mut stages)?;
     let scratch = match &arguments.report {
-        Some(_) => versions_folder(&planned, lamps.as_ref(), machine, &mut scene_notes)?,
+        Some(_) => versions_folder(&planned, lamps.as_ref(), machine, &mut notes)?,
         None => None,
     };
     planned.keep_versions_in = scratch.as_ref().map(|folder| folder.path().to_owned());
+    let position_facts = positions.as_ref().map(positions::PositionFacts::of);
     let distributions = keeper.as_mut().map(Keeper::distributions).unwrap_or_default();
     let kept = distributions.len();
-    let mut coefficients = Coefficients { fit: &fit, stack, distributions };
+    let mut coefficients = Coefficients { fit: &source.fit, stack: &*source.stack, distributions };
+    let check = |outputs: &[PathBuf]| ready.check_apart(outputs);
     let mut made = make(&mut [&mut planned], &mut coefficients, positions, machine, &mut stages, &check)?;
     if let (Keeping::In(_), Some(keeper)) = (&keeping, &keeper)
         && coefficients.distributions.len() != kept
@@ -301,57 +213,34 @@ pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result
         drop(keeper.folder.keep_distributions(&coefficients.distributions));
     }
     let Made { plan, packed, versions, files, .. } = made.swap_remove(0);
-    fit.notes.extend(fit.misfit_notes(&fitted));
+    let fit = &mut source.fit;
+    fit.notes.extend(fit.misfit_notes(fitted));
     fit.notes.extend(found.as_ref().map(|found| found.why.clone()));
-    fit.notes.append(&mut scene_notes);
+    fit.notes.append(&mut notes);
     fit.notes.extend(textures::size_note(&plan.packing, fitted.size().0, fitted.size().1));
     fit.notes.extend(position_facts.as_ref().and_then(|facts| facts.note.clone()));
     // Of a cache that could not be used there is nothing to say.
     let cache_use = keeper.as_ref().map(|keeper| keeper.counts).filter(|used| *used != CacheUse::default());
     fit.notes.extend(cache_use.and_then(CacheUse::note));
 
-    let left_out = left_out.as_ref().map(|capture| Judges { capture, lamps: lamps_of_judges.as_ref() });
-    let (budget, judged) = match &versions {
-        Some(versions) => {
-            let seen = Judges { capture: &fitted, lamps: lamps.as_ref() };
-            let account = Account { asset: &arguments.output, versions, seen, left_out, machine };
-            let (budget, judged) = stages.time("error budget", || account.settle())?;
-            (Some(budget), left_out.map(|_| judged))
-        }
-        None => (None, judged_by(&arguments.output, left_out, machine, &mut stages)?),
-    };
+    let (budget, judged) = judge(&ready, versions.as_ref(), &mut stages)?;
     drop(scratch);
-    let key = hexadecimal(&key_of(provenance));
-    let summary = report::Summary {
-        fit: &fit,
-        fitted: &fitted,
-        key: (&key, provenance),
+    report::Summary {
+        ready: &ready,
+        fit,
         cache: cache_use,
-        notes: &all.capture.notes,
         judged: judged.as_ref(),
         budget: budget.as_ref(),
         stages: &stages,
-        spilled,
+        spilled: source.spilled,
         model: &planned.model,
         plan: &plan,
         packed: &packed,
         positions: position_facts.as_ref(),
-    };
-    summary.print(&arguments.output);
-    if let Some((json, page)) = &job.report_files {
-        let report = summary.json(&arguments.output);
-        write_product(json, format!("{report:#}\n").as_bytes())?;
-        if let Some(page) = page {
-            let listed = fitted.select(&fitted.as_listed());
-            let captures = (&listed, left_out.map(|judges| judges.capture));
-            page::write_bake_page(page, &report, &arguments.output, captures, budget.as_ref(), machine)?;
-        }
     }
-    if let (Some(folder), Some(budget)) = (&arguments.heatmaps, &budget) {
-        budget.write_heat_maps(folder)?;
-    }
+    .tell()?;
     if let Keeping::In(Some(cache)) = &keeping {
-        remember(cache, &job, &files);
+        remember(cache, job, &files);
         if let Some(keeper) = keeper.as_ref().filter(|keeper| keeper.counts.fitted > 0) {
             cache.grown_by(bytes_on_disk(keeper.folder.path()));
         }
@@ -359,28 +248,15 @@ pub(crate) fn bake(job: Job<'_>, keeping: Keeping, mut stages: Stages) -> Result
     Ok(())
 }
 
-/// Keeps the coefficients of `fit` where there is a folder for them, and opens them; a note instead where it can't take them.
-fn keep(
-    keeper: Option<&mut Keeper>,
-    planned: &Planned<'_>,
-    fit: &BakeFit<'_>,
-    stack: &dyn Stack,
-    machine: &Machine,
-    notes: &mut Vec<String>,
-    stages: &mut Stages,
-) -> Result<Option<(BakeFit<'static>, TileStack)>, Failure> {
-    let Some(keeper) = keeper else { return Ok(None) };
-    let model = planned.model_of(fit);
-    let wanted: Vec<usize> = (0..keeper.grid.count()).collect();
-    match stages.time("fit", || keeper.fill(fit, &model, stack, machine.level, &wanted)) {
-        Ok(tiles) => Ok(keeper.reopen(fit, &model, tiles)),
-        Err(KeepError::Folder(error)) => {
-            notes.push(format!("the cache is not used: {}", Failure::from(error).words()));
-            keeper.counts = CacheUse::default();
-            Ok(None)
-        }
-        Err(KeepError::Work(failure)) => Err(failure),
+/// The positions that the asset gets; a note where it gets none though they are given.
+fn positions_of(ready: &mut Ready<'_>, notes: &mut Vec<String>) -> Result<Option<AssetPositions>, Failure> {
+    let Job { arguments: BakeArguments { output, positions, .. }, format, .. } = &ready.job;
+    let stored = ready.job.stores_positions(ready.lamps.as_ref());
+    if !stored && ready.job.wants_positions() {
+        notes.push(format!("{}: holds no positions; they serve --near alone", output.display()));
     }
+    let precision = positions.precision(format, output, stored)?;
+    Ok(precision.zip(ready.map.take()).map(|(precision, map)| AssetPositions { map, precision }))
 }
 
 /// Notes in the cache what was made; where it can't be, the next bake makes it again.
@@ -419,28 +295,49 @@ fn versions_folder(
     Ok(Some(ScratchFolder::beside(&planned.output)?))
 }
 
-/// What pictures that were left out say of the asset at `output`.
-fn judged_by(
-    output: &Path,
-    left_out: Option<Judges<'_>>,
-    machine: &Machine,
+/// What each stage of making the asset cost, where its `versions` were kept, and what pictures that were left out say of it.
+fn judge(
+    ready: &Ready<'_>,
+    versions: Option<&Versions>,
     stages: &mut Stages,
-) -> Result<Option<Evaluation>, Failure> {
-    let Some(Judges { capture, lamps }) = left_out else { return Ok(None) };
-    let judge = || evaluate::evaluate(output, capture, lamps, machine, PixelError::None);
-    Ok(Some(stages.time("hold-out", judge)?))
+) -> Result<(Option<Budget>, Option<Evaluation>), Failure> {
+    let Ready { job, fitted, lamps, left_out, lamps_of_judges, .. } = ready;
+    let (asset, machine) = (job.arguments.output.as_path(), &job.machine);
+    let left_out = left_out.as_ref().map(|capture| Judges { capture, lamps: lamps_of_judges.as_ref() });
+    if let Some(versions) = versions {
+        let seen = Judges { capture: fitted, lamps: lamps.as_ref() };
+        let account = Account { asset, versions, seen, left_out, machine };
+        let (budget, judged) = stages.time("error budget", || account.settle())?;
+        return Ok((Some(budget), left_out.map(|_| judged)));
+    }
+    let Some(Judges { capture, lamps }) = left_out else { return Ok((None, None)) };
+    let judge = || evaluate::evaluate(asset, capture, lamps, machine, PixelError::None);
+    Ok((None, Some(stages.time("hold-out", judge)?)))
 }
 
-/// The choice that the targets take, and the decoded pictures. What it measures is written to a folder that is gone afterwards.
+/// The choice that targets take, where there are some, and the decoded pictures. What it measures is written to a folder that is
+/// gone afterwards.
 fn search(
-    arguments: &BakeArguments,
-    opened: &sweep::Opened<'_>,
+    ready: &Ready<'_>,
+    surface_bytes: u64,
     stages: &mut Stages,
-) -> Result<(sweep::Found, PictureStack), Failure> {
-    let folder = ScratchFolder::beside(&arguments.output)?;
-    let scratch =
-        folder.path().join("asset").with_extension(arguments.output.extension().unwrap_or_default());
-    sweep::search(opened, &arguments.fit, &arguments.textures, &scratch, stages)
+) -> Result<Option<(sweep::Found, PictureStack)>, Failure> {
+    let Ready { job: Job { arguments, machine, .. }, fitted, left_out, space, .. } = ready;
+    if !arguments.searches()? {
+        return Ok(None);
+    }
+    let output = &arguments.output;
+    let opened = sweep::Opened {
+        fitted,
+        left_out: left_out.as_ref(),
+        space: *space,
+        machine: *machine,
+        spill: &spill_folder(output),
+        beside: surface_bytes,
+    };
+    let folder = ScratchFolder::beside(output)?;
+    let scratch = folder.path().join("asset").with_extension(output.extension().unwrap_or_default());
+    sweep::search(&opened, &arguments.fit, &arguments.textures, &scratch, stages).map(Some)
 }
 
 /// Where pictures that exceed the memory go when `output` is written: TMPDIR, where that is set, or else beside it.

@@ -2,29 +2,28 @@
 
 use super::Stages;
 use super::fit::{BakeFit, finite};
+use super::job::{Job, Ready};
 use super::kept::CacheUse;
+use super::keys::key_of;
 use super::positions::PositionFacts;
 use super::textures::Plan;
 use crate::budget::Budget;
 use crate::evaluate::Evaluation;
-use crate::notes;
-use crate::say::say;
-use relight_core::{Model, Provenance};
-use relight_formats::OpenCapture;
+use crate::failure::Failure;
+use crate::say::{say, write_product};
+use crate::{notes, page};
+use relight_core::Model;
+use relight_formats::{OpenCapture, hexadecimal};
 use relight_texture::{PackReport, TexelFormat};
 use serde_json::{Value, json};
 use std::path::Path;
 
 /// Everything that a report tells.
 pub(super) struct Summary<'a> {
+    pub(super) ready: &'a Ready<'a>,
     pub(super) fit: &'a BakeFit<'a>,
-    pub(super) fitted: &'a OpenCapture,
-    /// In hexadecimal digits, and what it is of.
-    pub(super) key: (&'a str, &'a Provenance),
     /// What was taken from a cache, where there is one.
     pub(super) cache: Option<CacheUse>,
-    /// What was noteworthy about the capture's files.
-    pub(super) notes: &'a [String],
     pub(super) judged: Option<&'a Evaluation>,
     pub(super) budget: Option<&'a Budget>,
     pub(super) stages: &'a Stages,
@@ -44,18 +43,44 @@ struct PlaneCost {
 }
 
 impl Summary<'_> {
-    /// Prints notes and the main figures.
-    pub(super) fn print(&self, output: &Path) {
+    /// Prints notes and the main figures, and writes the reports and heat maps that are asked for.
+    ///
+    /// # Errors
+    /// Those of writing.
+    pub(super) fn tell(&self) -> Result<(), Failure> {
+        let Ready { job, fitted, left_out, .. } = self.ready;
+        let (output, heat_maps) = (job.arguments.output.as_path(), &job.arguments.heatmaps);
+        self.print(output);
+        if let Some((json, page)) = &job.report_files {
+            let report = self.json(output);
+            write_product(json, format!("{report:#}\n").as_bytes())?;
+            if let Some(page) = page {
+                let captures = (&fitted.select(&fitted.as_listed()), left_out.as_ref());
+                page::write_bake_page(page, &report, output, captures, self.budget, &job.machine)?;
+            }
+        }
+        match heat_maps.as_ref().zip(self.budget) {
+            Some((folder, budget)) => budget.write_heat_maps(folder),
+            None => Ok(()),
+        }
+    }
+
+    /// The pictures that were fitted.
+    fn fitted(&self) -> &OpenCapture {
+        &self.ready.fitted
+    }
+
+    fn print(&self, output: &Path) {
         notes::print(&self.fit.notes);
         let fit = &self.fit.solved;
         say!(
             "{}: {} x {}, {}, {}, from {} pictures",
             output.display(),
-            self.fitted.size().0,
-            self.fitted.size().1,
+            self.fitted().size().0,
+            self.fitted().size().1,
             fit.words(),
             self.format_names(),
-            self.fitted.infos.len()
+            self.fitted().infos.len()
         );
         let costs = self.costs();
         let worst = costs.iter().max_by(|a, b| a.relit_rmse.total_cmp(&b.relit_rmse));
@@ -127,14 +152,14 @@ impl Summary<'_> {
     }
 
     /// The report as JSON.
-    pub(super) fn json(&self, output: &Path) -> Value {
-        let fit = &self.fit.solved;
+    fn json(&self, output: &Path) -> Value {
+        let (fit, Job { all, provenance, .. }) = (&self.fit.solved, &self.ready.job);
         let (figures, errors) = (fit.figures(), fit.leave_one_out());
         let weights = fit.weights();
-        let names = &self.fitted.capture.lights.lights;
+        let names = &self.fitted().capture.lights.lights;
         // As the user's light file has them.
         let lights: Vec<Value> = self
-            .fitted
+            .fitted()
             .as_listed()
             .into_iter()
             .map(|i| {
@@ -161,11 +186,11 @@ impl Summary<'_> {
         let mut report = json!({
             "relight": env!("CARGO_PKG_VERSION"),
             "output": output.to_string_lossy(),
-            "key": self.key.0,
-            "provenance": self.key.1,
+            "key": hexadecimal(&key_of(provenance)),
+            "provenance": provenance,
             "cache": self.cache.map(CacheUse::json),
-            "width": self.fitted.size().0,
-            "height": self.fitted.size().1,
+            "width": self.fitted().size().0,
+            "height": self.fitted().size().1,
             "basis": self.model.basis,
             "functions": self.model.basis.count(),
             "precision": self.format_names(),
@@ -176,7 +201,7 @@ impl Summary<'_> {
             "lights": lights,
             "holdout": self.judged.map(Evaluation::to_json),
             "error_budget": self.budget.map(Budget::to_json),
-            "notes": self.notes.iter().chain(&self.fit.notes).collect::<Vec<_>>(),
+            "notes": all.capture.notes.iter().chain(&self.fit.notes).collect::<Vec<_>>(),
             "seconds": stages,
             "spilled_bytes": self.spilled,
         });

@@ -53,6 +53,28 @@ pub trait Stack: Sync {
     }
 }
 
+impl<S: Stack + ?Sized> Stack for &S {
+    fn lights(&self) -> usize {
+        (**self).lights()
+    }
+
+    fn width(&self) -> usize {
+        (**self).width()
+    }
+
+    fn height(&self) -> usize {
+        (**self).height()
+    }
+
+    fn channels(&self) -> usize {
+        (**self).channels()
+    }
+
+    fn rows(&self, samples: Range<usize>) -> Result<Box<dyn StackRows + '_>, StackError> {
+        (**self).rows(samples)
+    }
+}
+
 /// A run of samples of all pictures, side by side.
 pub trait StackRows {
     /// Writes samples `first .. first + out.len()` of picture `light`, counted from the run's

@@ -10,9 +10,9 @@ use std::ops::Range;
 /// lamp, r that of the middle, t the lens's [`NearLamps::transmission`].
 ///
 /// Nothing is rounded to codes again and nothing is cut at 1. Encoded values are never below 0.
-pub struct LevelledStack<'a> {
+pub struct LevelledStack<'a, S> {
     /// The pictures.
-    pub stack: &'a dyn Stack,
+    pub stack: S,
     /// Whose pictures, of the same size.
     pub lamps: &'a NearLamps,
     /// What the pictures' values are.
@@ -21,7 +21,7 @@ pub struct LevelledStack<'a> {
     pub level: CpuLevel,
 }
 
-impl Stack for LevelledStack<'_> {
+impl<S: Stack> Stack for LevelledStack<'_, S> {
     fn lights(&self) -> usize {
         self.stack.lights()
     }
@@ -60,15 +60,15 @@ struct Places {
     clearing: Vec<f32>,
 }
 
-struct LevelledRows<'a> {
-    stack: &'a LevelledStack<'a>,
+struct LevelledRows<'a, S> {
+    stack: &'a LevelledStack<'a, S>,
     places: Places,
     /// Channel of the run's first sample.
     phase: usize,
     rows: Box<dyn StackRows + 'a>,
 }
 
-impl StackRows for LevelledRows<'_> {
+impl<S: Stack> StackRows for LevelledRows<'_, S> {
     fn copy(&self, light: usize, first: usize, out: &mut [f32]) {
         self.rows.copy(light, first, out);
         let LevelledStack { lamps, space, level, .. } = self.stack;
