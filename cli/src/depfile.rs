@@ -165,6 +165,7 @@ fn escaped(path: &Path) -> Result<Vec<u8>, String> {
             b'=' => return refused("has a '='"),
             b';' => return refused("has a ';'"),
             b'*' => return refused("has a '*'"),
+            b'|' | b'<' | b'>' | b'^' | b'`' => return refused(&format!("has a '{}'", char::from(byte))),
             0..=31 | 127 => return refused("has a tab or another control character"),
             b' ' | b'#' | b':' if follows_backslash => {
                 return refused("has a backslash before a space, '#' or ':'");
@@ -220,6 +221,11 @@ mod tests {
             ("a=b", "'='"),
             ("a;b", "';'"),
             ("a*b", "'*'"),
+            ("a|b", "'|'"),
+            ("a<b", "'<'"),
+            ("a>b", "'>'"),
+            ("a^b", "'^'"),
+            ("a`b", "'`'"),
             ("a\nb", "line break"),
             ("a\tb", "control"),
             ("a\\", "ends in a backslash"),

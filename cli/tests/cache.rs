@@ -315,3 +315,44 @@ fn tiles_outlive_a_kill_and_are_taken_up() {
     assert_eq!(hidden.count(), 0);
     assert_eq!(fs::read(here.join("a.ktx2")).unwrap(), plain(here, options));
 }
+
+#[test]
+fn what_a_search_or_an_estimate_looks_at_is_in_the_key() {
+    let folder = here();
+    let here = folder.path();
+    let key = |options: &str| relight(here, &format!("key set -o a.ktx2 {options}")).ok().stdout.clone();
+    // What is given is not searched for.
+    let target = "--target-psnr 24";
+    let searches = [target, "--target-psnr 24 --basis ptm", "--target-psnr 24 --precision u8"].map(key);
+    assert!(searches[0] != searches[1] && searches[0] != searches[2] && searches[1] != searches[2]);
+    assert_eq!(key("--basis ptm --precision u8"), key(""), "without a target these are what is taken anyway");
+
+    // Exposure is estimated from pictures that judge, too, under their lights in the capture.
+    let lights = fs::read_to_string(here.join("set/lights.lp")).unwrap();
+    let mut lines: Vec<&str> = lights.lines().skip(1).collect();
+    fs::write(here.join("judges.lp"), format!("1\nset/{}\n", lines[2])).unwrap();
+    let estimated = "--exposure auto --holdout judges.lp";
+    let before = [estimated, "--holdout judges.lp"].map(key);
+    let name = lines[2].split(' ').next().unwrap();
+    let moved = format!("{name} 0.1 0.2 0.9");
+    lines[2] = &moved;
+    fs::write(here.join("set/lights.lp"), format!("{}\n{}\n", lines.len(), lines.join("\n"))).unwrap();
+    assert_ne!(key(estimated), before[0]);
+    assert_eq!(key("--holdout judges.lp"), before[1], "nothing looks at it");
+
+    // A patch is averaged over pictures that judge, too, divided by their intensities.
+    let judges = "--holdout judges.lp --intensities i.txt";
+    let patch = format!("--white-balance auto:200,200,30 {judges}");
+    let [mut keys, mut unlooked] = [Vec::new(), Vec::new()];
+    for intensity in ["1", "30"] {
+        let of = |line: &&str| {
+            let other = line.split(' ').next().unwrap();
+            format!("{other} {}\n", if other == name { intensity } else { "1" })
+        };
+        fs::write(here.join("i.txt"), lines.iter().map(of).collect::<String>()).unwrap();
+        keys.push(key(&patch));
+        unlooked.push(key(judges));
+    }
+    assert_ne!(keys[0], keys[1]);
+    assert_eq!(unlooked[0], unlooked[1]);
+}

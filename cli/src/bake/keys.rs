@@ -49,6 +49,11 @@ pub(super) fn provenance(
             fit.insert(format!("budget_{name}"), storing[name].clone());
         }
     }
+    if arguments.searches()? {
+        // What was given is not searched for, even where it is what would be taken without a target.
+        fit.insert("search_basis".to_owned(), arguments.fit.asked_basis().unwrap_or("any").to_owned());
+        fit.insert("search_storage".to_owned(), (!arguments.textures.asks_for_storage()).to_string());
+    }
     let near = arguments.near.is_given();
     if near {
         fit.extend(owned(arguments.near.named()));
@@ -65,17 +70,25 @@ pub(super) fn provenance(
     }
     // Numbers without names are of all pictures.
     let intensities = arguments.photographs.intensities(all)?;
-    let of_fitted = intensities.map(|of_all| division.kept.iter().map(|&i| of_all[i]).collect());
-    let pictures = records(arguments, &fitted, of_fitted)?;
-    let mut judges = match division.judges_of(all) {
+    let records_of = |indices: &[usize]| {
+        let factors = intensities.as_ref().map(|of_all| indices.iter().map(|&i| of_all[i]).collect());
+        records(arguments, &all.select(indices), factors)
+    };
+    let pictures = records_of(&division.kept)?;
+    let judging = match division.judges_of(all) {
         Some(judges) => records(arguments, &judges.by_direction()?, None)?,
         None => Vec::new(),
     };
     let of_files = arguments.photographs.files().map(|path| content(path)).collect::<Result<Vec<_>, _>>()?;
-    let judges_key = record_key(&(&judges, of_files));
-    if !arguments.photographs.look_at_judges() {
-        judges.clear();
-    }
+    let judges_key = record_key(&(&judging, of_files));
+    let judges = match arguments.photographs.look_at_judges() {
+        // As the capture has them, whatever they are when they judge.
+        true => {
+            let others: Vec<usize> = (0..all.infos.len()).filter(|i| !division.kept.contains(i)).collect();
+            records_of(&others)?
+        }
+        false => Vec::new(),
+    };
     let provenance = Provenance { abi: ABI, fit, storing, pictures, judges };
     Ok((provenance, judges_key))
 }
