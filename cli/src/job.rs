@@ -7,6 +7,7 @@
 use crate::bake::BakeArguments;
 use crate::failure::{Exit, Failure, words_of_parser};
 use crate::key::{InputsArguments, KeyArguments};
+use crate::page::report_files;
 use crate::plan::{PlanArguments, is_path};
 use crate::say::is_dash;
 use clap::parser::ValueSource;
@@ -102,22 +103,41 @@ pub(crate) fn expand(arguments: Vec<OsString>) -> Result<Vec<Call>, Failure> {
     Ok(calls)
 }
 
-/// Fails where two jobs write one asset: the later one would win without a word.
+/// Fails where two jobs name one file to write: the later one would win without a word.
 fn check_outputs(calls: &[Call]) -> Result<(), Failure> {
-    let mut writers = HashMap::new();
-    for call in calls {
-        let words = call.arguments.as_deref().unwrap_or_default();
-        let output = words.iter().find_map(|word| word.to_str()?.strip_prefix("--output="));
-        let Some(place) = output.and_then(|output| place_of(Path::new(output))) else { continue };
-        if let Some(other) = writers.insert(place, &call.name) {
-            let output = output.unwrap_or_default();
-            let name = &call.name;
-            return Err(Failure::usage(format!(
-                "{other} and {name} both write {output}; give each its own output"
-            )));
+    let mut writers: HashMap<PathBuf, (usize, &str)> = HashMap::new();
+    for (index, call) in calls.iter().enumerate() {
+        for word in call.arguments.as_deref().unwrap_or_default() {
+            let option = word.to_str().and_then(|word| word.strip_prefix("--")?.split_once('='));
+            let Some((flag, value)) = option.filter(|(flag, _)| FILES.iter().any(|(name, _)| name == flag))
+            else {
+                continue;
+            };
+            for file in files_of(flag, Path::new(value)) {
+                let Some(place) = place_of(&file) else { continue };
+                let (first, name) = *writers.entry(place).or_insert((index, &call.name));
+                if first != index {
+                    let (file, other) = (file.display(), &call.name);
+                    return Err(Failure::usage(format!(
+                        "{name} and {other} both write {file}; give each its own {flag}"
+                    )));
+                }
+            }
         }
     }
     Ok(())
+}
+
+/// The files that such a flag's value names; a report as a page has figures beside it.
+fn files_of(flag: &str, value: &Path) -> Vec<PathBuf> {
+    match flag {
+        _ if is_dash(value) => Vec::new(),
+        // What is wrong with its name its own job says.
+        "report" => {
+            report_files(value).map_or(Vec::new(), |(json, page)| page.into_iter().chain([json]).collect())
+        }
+        _ => vec![value.to_owned()],
+    }
 }
 
 /// What words after `relight bake` say.

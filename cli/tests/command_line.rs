@@ -258,6 +258,16 @@ fn several_jobs_each_have_a_result_and_one_failure_stops_no_other() {
     let before = bytes("a.ktx2");
     let words = ["a.toml and jobs/f.toml both write", "a.ktx2", "its own output"];
     relight(here, "bake a.toml d.toml jobs/f.toml").assert_refused(2, &words);
+    // Whatever flag names it.
+    for (key, file) in
+        [("depfile", "a.ktx2"), ("depfile", "a.d"), ("heatmaps", "a.d"), ("report", "a.d.html")]
+    {
+        write("g.toml", &format!("input = 'capture'\noutput = 'g.ktx2'\n{key} = '{file}'\n"));
+        write("h.toml", "input = 'capture'\noutput = 'a.d.json'\n");
+        let other = if key == "report" { "h.toml" } else { "a.toml" };
+        let words = [&format!("{other} and g.toml both write"), &format!("its own {key}")];
+        relight(here, &format!("bake {other} g.toml")).assert_refused(2, &words.map(String::as_str));
+    }
     assert!(bytes("a.ktx2") == before);
     assert!(fs::read_to_string(here.join("a.d")).unwrap().ends_with(" \\\n  a.toml\n"));
 
